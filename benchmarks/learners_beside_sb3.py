@@ -25,8 +25,7 @@ from torch import nn
 
 from uuvsim_cosim.envs.sb3 import Sb3VecEnv
 from uuvsim_cosim.envs.tasks.evaluation import evaluate
-from uuvsim_cosim.learn.algorithms.action_grid import action_grid
-from uuvsim_cosim.learn.algorithms.dqn import DqnSettings
+from uuvsim_cosim.learn.algorithms.dqn import DqnSettings, action_grid
 from uuvsim_cosim.learn.algorithms.ppo import PpoSettings
 from uuvsim_cosim.learn.shared.task_ids import make_task
 from uuvsim_cosim.learn.training.train import train

@@ -22,7 +22,7 @@ from uuvsim_cosim.cluster.ray_cluster import Cluster
 from uuvsim_cosim.errors import InputInvalid, UuvsimError
 from uuvsim_cosim.learn.data.collect import collect
 from uuvsim_cosim.learn.training.config import TrainingConfig
-from uuvsim_cosim.learn.training.evaluation_parts import evaluate_all
+from uuvsim_cosim.learn.training.judging import evaluate_all
 from uuvsim_cosim.learn.training.ray_training import ALIKE, train_on
 from uuvsim_cosim.learn.training.train import train
 
@@ -317,7 +317,7 @@ def test_policies_are_judged_alike_on_what_is_left_of_a_cluster(
 
     options = {"horizon": 2}
     policies = {"scripted": scripted_policy(make_task("source", options))}
-    monkeypatch.setattr("uuvsim_cosim.learn.training.evaluation_parts.AT_ONCE", 8)
+    monkeypatch.setattr("uuvsim_cosim.learn.training.judging.AT_ONCE", 8)
     here = evaluate_all("source", options, policies, 20, 7)["scripted"]
     there = evaluate_all("source", options, policies, 20, 7, cluster=cluster)["scripted"]
     assert np.array_equal(here.returns, there.returns)

@@ -17,8 +17,7 @@ if TYPE_CHECKING:
     from uuvsim_cosim.learn.paper.anticipation import Anticipating
     from uuvsim_cosim.learn.policies.policy import Policy
     from uuvsim_cosim.learn.shared.task_ids import make_task
-    from uuvsim_cosim.learn.training.curricula import CURRICULA
-    from uuvsim_cosim.learn.training.curriculum import Curriculum, Promotion, Stage
+    from uuvsim_cosim.learn.training.curriculum import CURRICULA, Curriculum, Promotion, Stage
     from uuvsim_cosim.learn.training.loading import acting_in, load_policies
     from uuvsim_cosim.learn.training.train import train
     from uuvsim_cosim.learn.training.train_curriculum import train_curriculum
@@ -43,7 +42,7 @@ __getattr__, __dir__ = lazy(
     __name__,
     {
         "Anticipating": "paper.anticipation",
-        "CURRICULA": "training.curricula",
+        "CURRICULA": "training.curriculum",
         "Curriculum": "training.curriculum",
         "Policy": "policies.policy",
         "Promotion": "training.curriculum",

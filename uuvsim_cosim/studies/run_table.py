@@ -1,4 +1,7 @@
-"""The runs of a study as a table: grid points times seeds, each with all of its start values."""
+"""The runs of a study as a table: grid points times seeds, each with all of its start values.
+
+A study that would not fit into memory is refused before it begins.
+"""
 
 from __future__ import annotations
 
@@ -17,9 +20,62 @@ from uuvsim_cosim.envs.randomisation.randomisation import Randomisation, Vary
 from uuvsim_cosim.envs.randomisation.targets import Places, Quantity, resolved
 from uuvsim_cosim.envs.task.episode_draws import Draws
 from uuvsim_cosim.errors import InputInvalid, Problem, SystemInvalid
-from uuvsim_cosim.studies.size import check_runs
 
-__all__ = ["Runs"]
+__all__ = ["MOST_NUMBERS", "MOST_RUNS", "Runs", "check_runs", "check_samples", "check_seeds"]
+
+MOST_RUNS = 10_000_000
+MOST_NUMBERS = 50_000_000  # that metrics read in one run
+RUN_BYTES = 500  # of memory, that a run's outcome takes until the table is written
+
+
+def check_runs(points: int, seeds: int) -> None:
+    """Refuse more runs than MOST_RUNS; raises InputInvalid."""
+    runs = points * seeds
+    if runs > MOST_RUNS:
+        raise InputInvalid(
+            (
+                f"{_count(points, 'grid point')} under {_count(seeds, 'seed')} are "
+                f"{runs:,} runs, about {runs * RUN_BYTES / 1e9:,.0f} GB of memory, "
+                f"and {runs / 3.6e6:,.0f} hours at 1000 runs a second"
+            ),
+            f"at most {MOST_RUNS:,} runs: fewer seeds, or a coarser grid",
+        )
+
+
+def check_samples(samples: int, width: int) -> None:
+    """Refuse a run of more numbers than MOST_NUMBERS; raises InputInvalid."""
+    numbers = samples * max(width, 1)
+    if numbers > MOST_NUMBERS:
+        raise InputInvalid(
+            "duration, every",
+            (
+                f"{samples:,} samples of {_count(width, 'number')} in each run, "
+                f"about {8 * numbers / 1e9:,.0f} GB of memory"
+            ),
+            f"at most {MOST_NUMBERS:,} numbers: a shorter duration, or a larger `every`",
+        )
+
+
+def check_seeds(given: int | Sequence[int]) -> tuple[int, ...]:
+    """Return the seeds of a number of them or a list; raises InputInvalid for anything else."""
+    if isinstance(given, int) and not isinstance(given, bool):
+        if given < 1:
+            raise InputInvalid("seeds", given, "at least 1, or a list of seeds")
+        check_runs(1, given)
+        return tuple(range(given))
+    listed: tuple[int, ...] = ()
+    if isinstance(given, Sequence) and not isinstance(given, str):
+        check_runs(1, len(given))
+        listed = tuple(given)
+    whole = [s for s in listed if isinstance(s, int) and not isinstance(s, bool)]
+    if not listed or len(whole) != len(listed) or len(set(listed)) != len(listed):
+        raise InputInvalid("seeds", f"{given!r}", "a number of them, or distinct whole numbers")
+    return listed
+
+
+def _count(n: int, what: str) -> str:
+    return f"{n:,} {what}{'' if n == 1 else 's'}"
+
 
 Array = NDArray[np.float64]
 
@@ -51,7 +107,8 @@ class Runs:
         problems += resolved(places, [*grid, *drawn.parameters])[1]
         if problems:
             raise SystemInvalid(list(dict.fromkeys(problems)))
-        counts = [len(_choice(q).values) for q in self.grid]
+        choices = [q.targets[0].distribution for q in self.grid]
+        counts = [len(choice.values) for choice in choices if isinstance(choice, Choice)]
         check_runs(math.prod(counts), len(self.seeds))
         self.points = list(product(*(range(n) for n in counts)))
         self._axis_u = [(np.arange(n) + 0.5) / n for n in counts]
@@ -91,11 +148,8 @@ class Runs:
                 example = ", ".join(f"{k} = {float(c[at]):g}" for k, c in columns.items())
                 raise InputInvalid(
                     hull.path,
-                    (
-                        f"{len(wrong)} of {self.n} runs have no possible body (M not "
-                        "positive definite, or inertia against its triangle rule), the "
-                        f"first with {example}"
-                    ),
+                    f"{len(wrong)} of {self.n} runs have no possible body (M not positive "
+                    f"definite, or inertia against its triangle rule), the first with {example}",
                     "masses and inertia that agree with each other",
                 )
         return start
@@ -111,13 +165,13 @@ class Runs:
     def _places(self) -> list[tuple[Quantity, str, int, str]]:
         found: list[tuple[Quantity, str, int, str]] = []
         for q in [*self.grid, *(self.drawn.quantities if self.drawn.parameters else ())]:
-            alike = all(
+            first, *others = q.targets
+            if all(
                 (t.distribution, t.factor, t.offset)
-                == (q.targets[0].distribution, q.targets[0].factor, q.targets[0].offset)
-                for t in q.targets
-            )
-            if alike:
-                found.append((q, q.targets[0].name, q.targets[0].element, q.label))
+                == (first.distribution, first.factor, first.offset)
+                for t in others
+            ):
+                found.append((q, first.name, first.element, q.label))
                 continue
             for t in q.targets:
                 shape = self.places.variables[t.name].shape
@@ -137,9 +191,3 @@ class Runs:
             }
             for q, name, element, column in self._places()
         ]
-
-
-def _choice(q: Quantity) -> Choice:
-    found = q.targets[0].distribution
-    assert isinstance(found, Choice)
-    return found

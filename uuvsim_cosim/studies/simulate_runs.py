@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from typing import TYPE_CHECKING, Protocol, final
@@ -51,6 +51,13 @@ class Script:
         """Return their times [s], as the master labels them."""
         tick = Fraction(self.system.tick)
         return np.array([k * tick.numerator for k in self.ticks]) / float(tick.denominator)
+
+    def pieces(self) -> Iterator[list[int]]:
+        """Yield the communication steps up to each sampled point, in pieces of at most AT_ONCE."""
+        reached = 0
+        for tick in self.ticks:
+            yield [min(tick - k, AT_ONCE) for k in range(reached, tick, AT_ONCE)]
+            reached = tick
 
     def judged(self, courses: Mapping[str, Array]) -> list[float]:
         """Return the numbers of all metrics from the courses of one run."""
@@ -122,12 +129,9 @@ class MasterRuns:
             master.reset(seed, starts)
             points = [self._split(name) for name in script.signals]
             sampled: list[list[Array]] = [[] for _ in points]
-            reached = 0
-            for k in script.ticks:
-                while reached < k:
-                    ahead = min(k - reached, AT_ONCE)
-                    master.step(ahead)
-                    reached += ahead
+            for pieces in script.pieces():
+                for steps in pieces:
+                    master.step(steps)
                 for values, (path, own) in zip(sampled, points, strict=True):
                     values.append(np.array(master.get(path, own), dtype=float).reshape(-1))
         except (ComponentFailed, LoopNotConverged) as error:
@@ -178,23 +182,29 @@ class KernelRuns:
         batch = self._batch
         batch.reset(seeds=words, start=filled, check=False)
         script, signals = self.script, self.script.signals
-        ticks = script.ticks
-        sampled = [np.empty((len(ticks), self._n, batch.variables[s].size)) for s in signals]
-        reached = 0
-        for j, tick in enumerate(ticks):
-            while reached < tick:
-                ahead = min(tick - reached, AT_ONCE)
-                batch.step(ahead, check=False)
-                reached += ahead
+        count = len(script.ticks)
+        sampled = [np.empty((count, self._n, batch.variables[s].size)) for s in signals]
+        for j, pieces in enumerate(script.pieces()):
+            for steps in pieces:
+                batch.step(steps, check=False)
             for values, name in zip(sampled, signals, strict=True):
                 values[j] = batch.get(name).reshape(self._n, -1)
-        failed = batch.failed
-        return [
-            self._failure(batch, i, int(seeds[i]), {k: v[i : i + 1] for k, v in start.items()})
-            if failed[i]
-            else Outcome(script.judged({s: v[:, i] for s, v in zip(signals, sampled, strict=True)}))
-            for i in range(n)
-        ]
+        failed, outcomes = batch.failed, []
+        for i in range(n):
+            if not failed[i]:
+                courses = {s: v[:, i] for s, v in zip(signals, sampled, strict=True)}
+                outcomes.append(Outcome(script.judged(courses)))
+                continue
+            # A master simulates it again, because its messages name the component and the time.
+            if self._master is None:
+                self._master = MasterRuns(script)
+            (again,) = self._master.runs(
+                seeds[i : i + 1], {k: v[i : i + 1] for k, v in start.items()}
+            )
+            if again.failure is None:
+                again = Outcome([np.nan] * script.n_numbers, str(batch.failure(i)))
+            outcomes.append(again)
+        return outcomes
 
     def close(self) -> None:
         """End the threads."""
@@ -203,15 +213,3 @@ class KernelRuns:
             self._batch = None
         if self._master is not None:
             self._master.close()
-
-    def _failure(self, batch: Batch, i: int, seed: int, start: Starts) -> Outcome:
-        """Return the outcome of a run that failed.
-
-        A master simulates it again, because its messages name the component and the time.
-        """
-        if self._master is None:
-            self._master = MasterRuns(self.script)
-        again = self._master.runs([seed], start)[0]
-        if again.failure is not None:
-            return again
-        return Outcome([np.nan] * self.script.n_numbers, str(batch.failure(i)))

@@ -32,12 +32,10 @@ from uuvsim_cosim.orchestrator.master.snapshot import plan_hash
 from uuvsim_cosim.orchestrator.plan.algebraic_loops import delay_remark, estimated_gain, hops_of
 from uuvsim_cosim.orchestrator.system.elements import Loops
 from uuvsim_cosim.orchestrator.system.system import System
-from uuvsim_cosim.studies.folder import StudyFolder
 from uuvsim_cosim.studies.metric import Metric, read_metric
-from uuvsim_cosim.studies.result import StudyResult, result_of
-from uuvsim_cosim.studies.run_table import Runs
+from uuvsim_cosim.studies.result import StudyFolder, StudyResult, result_of
+from uuvsim_cosim.studies.run_table import Runs, check_samples, check_seeds
 from uuvsim_cosim.studies.simulate_runs import KernelRuns, MasterRuns, Script, Simulated
-from uuvsim_cosim.studies.size import check_samples, check_seeds
 from uuvsim_cosim.studies.yaml_file import read_study
 
 if TYPE_CHECKING:
@@ -106,7 +104,14 @@ class Study:
         steps = int(self.duration / tick)
         self.script = Script(system, steps, int(self.every / tick), read)
         check_samples(int(self.duration / self.every) + 1, self._width)
-        self._check_windows()
+        for label, m in self.metrics.items():
+            end = self.duration if m.until is None else m.until
+            if not 0 <= m.after < end <= self.duration:
+                raise InputInvalid(
+                    f"metrics.{label}",
+                    f"from {float(m.after):g} to {float(end):g} s",
+                    f"a window within 0 to {float(self.duration):g} s",
+                )
         self.runs = Runs(self.drawn, self.grid, self.seeds, self._places)
         _ = self.runs.start  # refuses impossible bodies now, before anything runs
         twice = [c for c in self.metrics if c in self.runs.columns()]
@@ -149,15 +154,16 @@ class Study:
         folder = StudyFolder(Path(out) if out is not None else self.output, self.asked, restart)
         began = time.perf_counter()
         done = folder.done()
-        resumed = len(done)
         remaining = [r for r in range(self.runs.n) if r not in done]
         remarks = list(self.drawn.remarks)
         used = ""
         if remaining:
             if progress is not None:
                 progress("building", 0, 1)
-            parts = PARTS if cluster is None else 4 * cluster.cpus
-            size = self._batch(len(remaining), batch, parts)
+            parts = PARTS if cluster is None else max(PARTS, 4 * cluster.cpus)
+            run_bytes = 8 * len(self.script.ticks) * max(self._width, 1)
+            most = min(max(8, int(MEMORY / run_bytes) // 8 * 8), 512)
+            size = batch or min(most, max(8, 8 * math.ceil(len(remaining) / parts / 8)))
             simulated, used, why = self._simulated(backend, jobs, len(remaining), size, cluster)
             remarks += [why] if why else []
             try:
@@ -174,11 +180,14 @@ class Study:
             finally:
                 for each in simulated:
                     each.close()
-        remarks = list(dict.fromkeys([*remarks, *self._places.plan.warnings, *self._delayed()]))
-        wall = time.perf_counter() - began
+        plan = self._places.plan
+        remarks += plan.warnings
+        for loop in plan.algebraic_loops:  # delayed ones that diverge, by their gain at the start
+            if not (loop.iterated or loop.undeclared):
+                remarks.append(delay_remark(hops_of(plan, loop), estimated_gain(plan, loop)))
         return result_of(
-            folder, self.runs, self.script, remarks, name=self.name, backend=used, resumed=resumed,
-            wall_time=wall,
+            folder, self.runs, self.script, [r for r in dict.fromkeys(remarks) if r],
+            name=self.name, backend=used, resumed=len(done), wall_time=time.perf_counter() - began,
         )  # fmt: skip
 
     @property
@@ -210,33 +219,10 @@ class Study:
 
     # ---- inside ---------------------------------------------------------------------------
 
-    def _delayed(self) -> list[str]:
-        """Return remarks on delayed loops that diverge, by their gain at the start values."""
-        plan = self._places.plan
-        loops = [x for x in plan.algebraic_loops if not (x.iterated or x.undeclared)]
-        remarks = [delay_remark(hops_of(plan, x), estimated_gain(plan, x)) for x in loops]
-        return [s for s in remarks if s]
-
-    def _check_windows(self) -> None:
-        for name, m in self.metrics.items():
-            end = self.duration if m.until is None else m.until
-            if not 0 <= m.after < end <= self.duration:
-                raise InputInvalid(
-                    f"metrics.{name}",
-                    f"from {float(m.after):g} to {float(end):g} s",
-                    f"a window within 0 to {float(self.duration):g} s",
-                )
-
     @property
     def _width(self) -> int:
         """Number of signals' elements that metrics read of each sample."""
         return sum(self._places.variables[s].size for s in self.script.signals)
-
-    def _batch(self, n: int, batch: int | None, parts: int) -> int:
-        """Return the number of runs that a kernel simulates at once."""
-        sampled = 8 * len(self.script.ticks) * max(self._width, 1)  # bytes of one run
-        most = max(8, int(MEMORY / sampled) // 8 * 8)
-        return batch or min(most, max(8, 8 * math.ceil(n / max(PARTS, parts) / 8)), 512)
 
     def _simulated(
         self, backend: Backend, jobs: int, n: int, size: int, cluster: Cluster | None
@@ -254,13 +240,12 @@ class Study:
                 if cluster is None:
                     return [kernel], "kernel", ""
                 kernel.close()
-                from uuvsim_cosim.studies.ray_runs import ray_runs
-
-                return ray_runs(cluster, self.script, "kernel", min(size, n)), "kernel", ""
         if cluster is not None:
-            from uuvsim_cosim.studies.ray_runs import ray_runs
+            from uuvsim_cosim.studies.worker import ray_runs
 
-            return ray_runs(cluster, self.script, "master", n), "master", why
+            used: Literal["kernel", "master"] = "master" if why or backend == "master" else "kernel"
+            places = n if used == "master" else min(size, n)
+            return ray_runs(cluster, self.script, used, places), used, why
         if min(jobs, n) == 1:
             return [MasterRuns(self.script)], "master", why
         from uuvsim_cosim.orchestrator.master.master import Master

@@ -1,11 +1,13 @@
-"""A process that simulates runs with a master: requests on stdin, answers on stdout.
+"""Simulation of runs elsewhere: in a process with a master, or by the workers of a Ray cluster.
 
-It exits as soon as the process that started it ends, for whatever reason: its stdin then closes.
+A process gets requests on stdin and answers on stdout. It exits as soon as the process that started
+it ends, for whatever reason: its stdin then closes.
 """
 
 from __future__ import annotations
 
 import ctypes
+import hashlib
 import logging
 import os
 import pickle
@@ -15,12 +17,25 @@ import subprocess
 import sys
 import threading
 from collections.abc import Sequence
-from typing import final
+from contextlib import suppress
+from typing import TYPE_CHECKING, Literal, final
 
 from uuvsim_cosim.errors import UuvsimError
-from uuvsim_cosim.studies.simulate_runs import MasterRuns, Outcome, Script, Starts
+from uuvsim_cosim.studies.simulate_runs import (
+    KernelRuns,
+    MasterRuns,
+    Outcome,
+    Script,
+    Simulated,
+    Starts,
+)
 
-__all__ = ["ProcessRuns", "main"]
+if TYPE_CHECKING:
+    from ray import ObjectRef
+
+    from uuvsim_cosim.cluster.ray_cluster import Cluster
+
+__all__ = ["ProcessRuns", "RayRuns", "main", "ray_runs"]
 
 Request = Script | tuple[list[int], Starts]  # the script first; then seeds and start values
 
@@ -80,8 +95,13 @@ class ProcessRuns:
 
 def main() -> None:
     """Answer requests until stdin closes."""
-    if len(sys.argv) > 1:
-        _end_with(int(sys.argv[1]))
+    if len(sys.argv) > 1 and sys.platform.startswith("linux"):
+        # Let Linux end this process with its parent, even while a component blocks Python.
+        PR_SET_PDEATHSIG = 1
+        with suppress(AttributeError, OSError):  # the end of stdin is noticed anyway
+            ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, int(signal.SIGKILL), 0, 0, 0)
+            if os.getppid() != int(sys.argv[1]):
+                os._exit(0)  # it ended before this call
     # Assumptions about a system were reported by the parent process already.
     logging.getLogger("uuvsim_cosim").addHandler(logging.NullHandler())
     answers = os.fdopen(os.dup(1), "wb")
@@ -123,17 +143,49 @@ def _listen(requests: queue.SimpleQueue[Request | Exception]) -> None:
             requests.put(error)
 
 
-def _end_with(parent: int) -> None:
-    """Let Linux end this process with its parent, even while a component blocks Python."""
-    if not sys.platform.startswith("linux"):
-        return
-    PR_SET_PDEATHSIG = 1
-    try:
-        ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, int(signal.SIGKILL), 0, 0, 0)
-    except (AttributeError, OSError):
-        return  # the end of stdin is noticed anyway
-    if os.getppid() != parent:
-        os._exit(0)  # it ended before this call
+IN_FLIGHT = 2  # requests for each CPU: one is worked on, one waits
+
+_made: dict[tuple[str, str, int], Simulated] = {}  # of a worker's process
+
+
+def ray_runs(
+    cluster: Cluster, script: Script, by: Literal["kernel", "master"], n: int
+) -> list[Simulated]:
+    """Return enough simulators to keep the cluster busy; a kernel's batch has `n` places."""
+    content = pickle.dumps(script)
+    key = (hashlib.blake2b(content, digest_size=16).hexdigest(), by, n)
+    kept = cluster.put(content)
+    return [RayRuns(cluster, key, kept) for _ in range(IN_FLIGHT * max(cluster.cpus, 1))]
+
+
+@final
+class RayRuns:
+    """One request at a time to the cluster; a run depends on seed and start values only."""
+
+    def __init__(self, cluster: Cluster, key: tuple[str, str, int], kept: ObjectRef) -> None:
+        self._cluster, self._key, self._kept = cluster, key, [kept]
+
+    def runs(self, seeds: Sequence[int], start: Starts) -> list[Outcome]:
+        """Simulate runs on the cluster."""
+        return self._cluster.call(_runs, self._key, self._kept, list(seeds), dict(start))
+
+    def close(self) -> None:
+        """Do nothing: the cluster ends its own work."""
+
+
+def _runs(
+    key: tuple[str, str, int], kept: list[ObjectRef], seeds: list[int], start: Starts
+) -> list[Outcome]:
+    """Simulate in a worker, which keeps its kernel or master for the next call."""
+    if key not in _made:
+        import ray
+
+        script: Script = pickle.loads(ray.get(kept[0]))
+        _, by, n = key
+        for other in list(_made):  # one at a time: a kernel's batch may fill the memory
+            _made.pop(other).close()
+        _made[key] = KernelRuns(script, n, 1) if by == "kernel" else MasterRuns(script)
+    return _made[key].runs(seeds, start)
 
 
 if __name__ == "__main__":

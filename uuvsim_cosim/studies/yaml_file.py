@@ -23,8 +23,7 @@ from uuvsim_cosim.orchestrator.running.library import load
 from uuvsim_cosim.orchestrator.system.elements import Loops
 from uuvsim_cosim.orchestrator.system.system import System
 from uuvsim_cosim.studies.metric import Metric, read_metric
-from uuvsim_cosim.studies.run_table import Runs
-from uuvsim_cosim.studies.size import MOST_RUNS, check_runs, check_seeds
+from uuvsim_cosim.studies.run_table import MOST_RUNS, Runs, check_runs, check_seeds
 
 __all__ = ["StudyOptions", "read_study"]
 
@@ -79,8 +78,7 @@ def read_study(path: Path, loops: Loops | None = None) -> StudyOptions:
     drawn: Declared | None = None
     if system is not None:
         drawn = declared_in(text, data, system, skip=gridded)
-        if _small(text, data, grid):
-            _check_grid(text, system, grid, drawn)
+        _check_runs(text, data, system, grid, drawn)
     text.refuse()
     assert system is not None
     assert drawn is not None
@@ -228,8 +226,11 @@ def _grid(text: YamlText, data: Mapping[str, Any]) -> tuple[list[Vary], list[str
     return found, names
 
 
-def _small(text: YamlText, data: Mapping[str, Any], grid: list[Vary]) -> bool:
-    """Return whether the number of runs is allowed; add the mistake if not."""
+def _check_runs(
+    text: YamlText, data: Mapping[str, Any], system: System, grid: list[Vary],
+    drawn: Declared | None,
+) -> None:  # fmt: skip
+    """Report too many runs, or else names and values that do not fit the system."""
     seeds = data.get("seeds", 1)
     count = len(seeds) if isinstance(seeds, Sequence) else seeds
     whole = isinstance(count, int) and not isinstance(count, bool) and count > 0
@@ -241,8 +242,14 @@ def _small(text: YamlText, data: Mapping[str, Any], grid: list[Vary]) -> bool:
     except InputInvalid as error:
         if not (whole and count > MOST_RUNS):  # else reported with the seeds
             text.wrong(["parameters"], str(error))
-        return False
-    return True
+        return
+    try:
+        Runs(Randomisation(*(drawn or Declared(())), system), grid, (0,), Places(system))
+    except SystemInvalid as error:
+        names = {v.name for v in grid}
+        for p in error.problems:
+            place = ["parameters", p.place] if p.place in names else ["parameters"]
+            text.wrong(place, f"{p.read}; expected {p.expected}")
 
 
 def _spaced(text: YamlText, place: list[object], given: dict[str, object]) -> list[float] | None:
@@ -260,13 +267,3 @@ def _spaced(text: YamlText, place: list[object], given: dict[str, object]) -> li
         text.wrong([*place, "count"], str(error))
         return None
     return [float(x) for x in np.linspace(float(low), float(high), count)]  # type: ignore[arg-type]
-
-
-def _check_grid(text: YamlText, system: System, grid: list[Vary], drawn: Declared | None) -> None:
-    try:
-        Runs(Randomisation(*(drawn or Declared(())), system), grid, (0,), Places(system))
-    except SystemInvalid as error:
-        names = {v.name for v in grid}
-        for p in error.problems:
-            place = ["parameters", p.place] if p.place in names else ["parameters"]
-            text.wrong(place, f"{p.read}; expected {p.expected}")

@@ -77,7 +77,7 @@ def test_a_changed_study_has_status_2_unless_it_restarts(uuvsim: Uuvsim, tmp_pat
 def test_an_interrupted_study_has_status_130_and_says_what_is_kept(
     uuvsim: Uuvsim, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from uuvsim_cosim.studies.folder import StudyFolder
+    from uuvsim_cosim.studies.result import StudyFolder
 
     def interrupted(*_: object) -> None:
         raise KeyboardInterrupt

@@ -7,8 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from uuvsim_cosim.learn.algorithms.masac import Masac, MasacSettings
-from uuvsim_cosim.learn.algorithms.n_step import NStep
-from uuvsim_cosim.learn.algorithms.replay_buffer import Transitions
+from uuvsim_cosim.learn.algorithms.replay_buffer import NStep, Transitions
 from uuvsim_cosim.learn.algorithms.transfer import transfer
 
 SHARED = MasacSettings(hidden=32, shared=True)

@@ -40,14 +40,6 @@ def test_values_of_a_team_of_one_are_those_of_each_in_a_team_of_two() -> None:
         assert torch.equal(both[i], alone[0])
 
 
-def test_columns_that_move_keep_their_weights() -> None:
-    last = Masac(1, 3, 1, MasacSettings(hidden=8), 0)
-    given = transfer(last, 1, np.ones(3, bool), columns=[0, 4, 2], observed=6)
-    seen = np.random.default_rng(0).normal(size=(20, 1, 6)).astype(np.float32)
-    expected = last.act(seen[:, :, [0, 4, 2]], explore=False)
-    assert np.allclose(given.act(seen, explore=False), expected, atol=1e-7)
-
-
 # ---- every algorithm that goes on ---------------------------------------------------------
 
 SEEN, AWAKE = 6, np.arange(6) < 4
@@ -117,7 +109,7 @@ def test_what_ppo_has_seen_is_kept_in_its_file() -> None:
 
 def test_after_a_switch_nobody_acts_at_random_again() -> None:
     from uuvsim_cosim.learn.training.curriculum import Curriculum, Stage
-    from uuvsim_cosim.learn.training.curriculum_stage import settings_of
+    from uuvsim_cosim.learn.training.train_curriculum import settings_of
 
     stages = (Stage("source", 64), Stage("transition_1", 64, settings={"epsilon": 0.3}))
     dqn = Curriculum("x", (stages[0], stages[0], stages[1]), "idqn", {"epsilon_end": 0.1})

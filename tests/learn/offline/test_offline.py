@@ -28,8 +28,7 @@ from uuvsim_cosim.learn.offline.decision_transformer import (
     Transformer,
 )
 from uuvsim_cosim.learn.offline.offline import OFFLINE, offline_learner, train_offline
-from uuvsim_cosim.learn.policies.policy import Named, Policy
-from uuvsim_cosim.learn.policies.sequence_runner import SequenceRunner
+from uuvsim_cosim.learn.policies.policy import Named, Policy, SequenceRunner
 from uuvsim_cosim.learn.shared.errors import LearningDiverged
 from uuvsim_cosim.learn.training.loading import acting_in
 from uuvsim_cosim.orchestrator.running.run import run

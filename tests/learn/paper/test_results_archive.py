@@ -10,8 +10,15 @@ import pytest
 
 from uuvsim_cosim.cli import status_of
 from uuvsim_cosim.errors import InputInvalid
-from uuvsim_cosim.learn.paper.results import is_kept, read_episode, read_result, read_results
-from uuvsim_cosim.learn.paper.results_archive import ARCHIVE, Key, pack
+from uuvsim_cosim.learn.paper.results import (
+    ARCHIVE,
+    Key,
+    is_kept,
+    pack,
+    read_episode,
+    read_result,
+    read_results,
+)
 
 KEYS = [Key("batched", "source", "stt-masac", s) for s in (0, 1, 10)]
 NUMBERS = ("return", "track", "dist", "viol", "clean")

@@ -7,8 +7,7 @@ import pytest
 
 from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.learn.paper import ways
-from uuvsim_cosim.learn.paper.reproduce import reproduce
-from uuvsim_cosim.learn.paper.shared_beginnings import begun
+from uuvsim_cosim.learn.paper.reproduce import begun, reproduce
 from uuvsim_cosim.learn.paper.ways import CAREFUL, SCENARIOS, Budget, Chain, place_of
 from uuvsim_cosim.learn.training.training import Progress
 

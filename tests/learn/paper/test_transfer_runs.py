@@ -19,7 +19,7 @@ from uuvsim_cosim.learn.paper.transfer_runs import (
     read_transfers,
     run_transfers,
 )
-from uuvsim_cosim.learn.paper.transfer_verdicts import cells_of, transfer_verdicts
+from uuvsim_cosim.learn.paper.verdicts import cells_of, transfer_verdicts
 from uuvsim_cosim.learn.policies.policy import Policy
 
 RNG = np.random.default_rng(0)
@@ -139,7 +139,7 @@ def test_the_same_as_behaviour_cloning_is_neither_better_nor_worse() -> None:
 
 
 def test_the_page_shows_every_way_and_condition(tmp_path: Path) -> None:
-    from uuvsim_cosim.commands.learn.reproduce_transfer import FOLDER, transfer_section
+    from uuvsim_cosim.commands.learn.reproduce_report import FOLDER, transfer_section
 
     for j in made_up():
         cells = {

@@ -14,8 +14,7 @@ from uuvsim_cosim.cli import status_of
 from uuvsim_cosim.content import content
 from uuvsim_cosim.learn.data.dataset_files import read_dataset
 from uuvsim_cosim.learn.deployment.export import export_policy
-from uuvsim_cosim.learn.policies.policy import Named, Policy
-from uuvsim_cosim.learn.policies.sequence_runner import SequenceRunner
+from uuvsim_cosim.learn.policies.policy import Named, Policy, SequenceRunner
 
 SHIPPED = content("models", "policies") / "transition_1_dt.npz"
 OBSERVED, ACTED, HIDDEN, K, TIMES = 5, 2, 12, 4, 9

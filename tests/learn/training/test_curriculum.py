@@ -15,13 +15,17 @@ from uuvsim_cosim.learn.algorithms.checkpoint import load_checkpoint
 from uuvsim_cosim.learn.algorithms.off_policy_learner import MasacLearner
 from uuvsim_cosim.learn.deployment.export import export_policy
 from uuvsim_cosim.learn.shared.task_ids import make_task
-from uuvsim_cosim.learn.training.curricula import CURRICULA, curriculum_of, read_curriculum
-from uuvsim_cosim.learn.training.curriculum import Curriculum, Promotion, Stage
-from uuvsim_cosim.learn.training.curriculum_folder import write_done
-from uuvsim_cosim.learn.training.curriculum_stage import learner_for, settings_of
-from uuvsim_cosim.learn.training.folder_lock import locked
+from uuvsim_cosim.learn.training.curriculum import (
+    CURRICULA,
+    Curriculum,
+    Promotion,
+    Stage,
+    curriculum_of,
+    read_curriculum,
+)
+from uuvsim_cosim.learn.training.folders import locked, write_done
 from uuvsim_cosim.learn.training.loading import load_policies
-from uuvsim_cosim.learn.training.train_curriculum import train_curriculum
+from uuvsim_cosim.learn.training.train_curriculum import learner_for, settings_of, train_curriculum
 
 SMALL = {"hidden": 16, "batch": 16, "buffer": 1000, "shared": True, "updates": 1.0}
 EASY = Promotion(share=None, least=-1e6, evaluations=2)
@@ -90,7 +94,7 @@ def test_at_a_switch_each_acts_exactly_as_one_did_that_cannot_see_what_wakes_up(
     whole: Path,
 ) -> None:
     last, began = learner(whole, 0, "checkpoint.pt"), learner(whole, 1, "switch.pt")
-    awake = last.awake()
+    awake = last._replay.awake()
     assert 6 < awake.sum() < 14  # itself, and a target at rest
     seen = np.random.default_rng(0).normal(size=(20, 2, 31)).astype(np.float32)
     asleep = np.where(awake, seen, 0).astype(np.float32)

@@ -15,7 +15,7 @@ from uuvsim_cosim.learn.algorithms.checkpoint import load_checkpoint
 from uuvsim_cosim.learn.policies.policy import Policy
 from uuvsim_cosim.learn.shared.errors import LearningDiverged
 from uuvsim_cosim.learn.shared.task_ids import make_task
-from uuvsim_cosim.learn.training.folder_lock import locked
+from uuvsim_cosim.learn.training.folders import locked
 from uuvsim_cosim.learn.training.interruption import TrainingInterrupted
 from uuvsim_cosim.learn.training.loading import acting_in, load_policies
 from uuvsim_cosim.learn.training.train import Trained, train

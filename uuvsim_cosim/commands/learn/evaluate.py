@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import csv
-from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -61,8 +60,7 @@ def evaluate_command(
     with StudyProgress("parts") as progress:
         progress.say("building, once")
         found = acting_of(list(dict.fromkeys(policies)), task, options, last=last)
-        from uuvsim_cosim.learn.training.evaluation_parts import evaluate_all
-        from uuvsim_cosim.learn.training.judging import judge_scripted, judged
+        from uuvsim_cosim.learn.training.judging import evaluate_all, judge_scripted, judged
 
         with clustered(ray) as cluster:
             given = evaluate_all(
@@ -86,7 +84,14 @@ def evaluate_command(
     table(("figure", *rows), [(f, *(shown(r[f]) for r in rows.values())) for f in figures],
           key="figures")  # fmt: skip
     if out is not None:
-        _write(out, rows)
+        try:
+            with out.open("w", newline="", encoding="utf-8") as file:
+                writer = csv.writer(file)
+                writer.writerow(HEAD)
+                for who, of_policy in rows.items():
+                    writer.writerows((who, k, i.value, i.low, i.high) for k, i in of_policy.items())
+        except OSError as error:
+            raise InputInvalid(f"{out}: cannot be written ({error.strerror})") from None
         line()
         file_line(out, f"written: {tilde(out)}")
 
@@ -114,15 +119,3 @@ def _refuse_other(path: Path) -> None:
         raise InputInvalid(
             f"--out {path}: is there, and no table of `uuvsim evaluate`", "another name"
         )
-
-
-def _write(path: Path, rows: Mapping[str, Mapping[str, Interval]]) -> None:
-    try:
-        with path.open("w", newline="", encoding="utf-8") as file:
-            writer = csv.writer(file)
-            writer.writerow(HEAD)
-            for policy, figures in rows.items():
-                for name, i in figures.items():
-                    writer.writerow((policy, name, i.value, i.low, i.high))
-    except OSError as error:
-        raise InputInvalid(f"{path}: cannot be written ({error.strerror})") from None

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import copy
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from uuvsim_cosim.commands.learn.play_view import Page
 from uuvsim_cosim.commands.learn.policies import Acting, acting_of
 from uuvsim_cosim.commands.shared.completion import policies, tasks
 from uuvsim_cosim.commands.shared.nested_options import nested
@@ -21,7 +22,91 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-__all__ = ["play_command"]
+    from uuvsim_cosim.envs.pictures.drawn import View
+    from uuvsim_cosim.envs.task.task import Moment, Task, TeamTask
+    from uuvsim_cosim.orchestrator.plan.plan import Plan
+    from uuvsim_cosim.view.recorded.traces import Array, Traces
+    from uuvsim_cosim.view.scene3d.motion import Motion
+    from uuvsim_cosim.view.scene3d.scene import Solid, Stage
+
+__all__ = ["episode_of", "play_command"]
+
+GOAL = "goal"
+
+
+def episode_of(
+    task: Task | TeamTask, policy: Any, seed: int, name: str
+) -> tuple[Stage, Motion, Traces]:
+    """Play episode 0 of a seed and return its motion; raises InputInvalid without a pose.
+
+    The task is not changed: a copy of it reads the signals that move its stage as well.
+    """
+    import numpy as np
+
+    from uuvsim_cosim.learn.policies.playing import frames_of
+    from uuvsim_cosim.orchestrator.plan.flatten import flatten
+    from uuvsim_cosim.view.recorded.traces import Traces
+    from uuvsim_cosim.view.scene3d.motion import motion_of
+    from uuvsim_cosim.view.scene3d.scene import Marker
+    from uuvsim_cosim.view.scene3d.scene_of_plan import stage_of_plan
+
+    plan = flatten(task.system)
+    stage = stage_of_plan(plan, name)
+    if not stage.bodies:
+        raise InputInvalid(
+            f"--view: no component of {name} has a pose (eta) that tau moves",
+            "a task with a vehicle, or no --view",
+        )
+    time: list[float] = []
+    rows: dict[str, list[Array]] = {name: [] for name in stage.signals}
+    goals: list[Array] = []
+    start: dict[str, Array] = {}
+
+    def watch(m: Moment, row: int) -> View | None:
+        time.append(float(m.time[row]))
+        for signal, values in rows.items():
+            values.append(np.array(m[signal][row], float))
+        if not start:
+            start.update({key: np.array(value[row]) for key, value in m.start.items()})
+        view = task.view(m, row)
+        if view is not None and view.goals and len(view.goals[0].position) == 3:
+            goals.append(np.array(view.goals[0].position))
+        return view
+
+    watched: Any = copy.copy(task)
+    watched.signals = tuple(dict.fromkeys((*task.signals, *stage.signals)))
+    watched.view = watch
+    for _ in frames_of(watched, policy, seed):
+        pass
+    # A moment that was drawn twice counts once.
+    times, picks = np.unique(np.array(time), return_index=True)
+    values = {name: np.array(given)[picks] for name, given in rows.items()}
+    if len(goals) == len(time):
+        values[f"{GOAL}.position"] = np.array(goals)[picks]
+    if goals:
+        stage = replace(stage, markers=(*stage.markers, Marker(GOAL, f"{GOAL}.position", 0.08)))
+    stage = replace(stage, solids=tuple(_solids(plan, start, stage)))
+    units = {
+        f"{c.path}.{v.name}": ", ".join(dict.fromkeys(u or "1" for u in v.units))
+        for c in plan.components
+        for v in c.description.variables.values()
+    }
+    traces = Traces(times, values, units)
+    return stage, motion_of(stage, traces), traces
+
+
+def _solids(plan: Plan, start: dict[str, Array], stage: Stage) -> Iterator[Solid]:
+    """Yield the still bodies of this episode: pools and obstacles may be random."""
+    from uuvsim_cosim.view.scene3d.scene_of_plan import pool_solids
+
+    names = ("origin", "size", "obstacles")
+    found: dict[str, Solid] = {}
+    for c in plan.components:
+        if not c.description.variables.keys().isdisjoint(names):
+            drawn = {n: start[f"{c.path}.{n}"] for n in names if f"{c.path}.{n}" in start}
+            found |= {s.name: s for s in pool_solids(c, drawn)}
+    yield from found.values() or stage.solids
+
 
 SEED = 2_000_000
 
@@ -69,19 +154,26 @@ def play_command(
         raise InputInvalid("--window and --view: expected one of them")
     if out is not None:
         expect_folder(out, ".html", ".png")
-    page = Page(port, view)
+    if port is not None and not view:
+        raise InputInvalid(f"--port {port}: is where --view shows it", "--view")
+    server = recorded = None
+    if view:
+        from uuvsim_cosim.view.scene3d.viser_server import open_server
+
+        server = open_server(port)  # before anything is computed
     options = nested("--task-set", task_set or [], "NAME=VALUE, as n_trackers=3")
     with StudyProgress() as progress:
         progress.say("building, once")
         from uuvsim_cosim.envs.tasks.evaluation import evaluate
         from uuvsim_cosim.learn.policies.playing import frames_of
+        from uuvsim_cosim.learn.shared.task_ids import short_name
 
         found = acting_of([policy], task, options, own_task=not other_task)
         (acts,) = found.policies.values()
         progress.say("playing")
         frames: list[NDArray[np.uint8]] = []
         if view:
-            page.record(found.task, acts, seed, found.name)
+            recorded = episode_of(found.task, acts, seed, short_name(found.name))
         if not view or out is not None:
             frames = list(frames_of(found.task, acts, seed, "human" if window else "rgb_array"))
         if policy == "random":  # it draws new random numbers
@@ -101,7 +193,14 @@ def play_command(
         file_table([written])
         if open_ and not view:
             typer.launch(str(written))
-    page.serve(f"{found.name}, {policy}", show=open_)
+    if server is not None and recorded is not None:
+        from uuvsim_cosim.commands.run.view import serve
+        from uuvsim_cosim.view.scene3d.viser_server import close_server
+
+        try:
+            serve(server, f"{found.name}, {policy}", recorded, show=open_)
+        finally:
+            close_server(server)
 
 
 def _written(

@@ -59,7 +59,7 @@ def reproduce_command(
     What was interrupted goes on with the same command.
     """
     from uuvsim_cosim.learn.paper.ways import BUDGETS, chains_of
-    from uuvsim_cosim.learn.shared.extras import check_torch
+    from uuvsim_cosim.learn.shared.errors import check_torch
 
     if budget not in BUDGETS:
         raise InputInvalid(f"--budget {budget}: expected {' or '.join(BUDGETS)}")
@@ -79,7 +79,7 @@ def reproduce_command(
 
     rows, files = write_report(out)
     if pack:
-        from uuvsim_cosim.learn.paper.results_archive import pack as packed
+        from uuvsim_cosim.learn.paper.results import pack as packed
 
         files.append(packed(out))
     shown = [r for r in rows[budget] if figure == "all" or r.figure in (figure[3:], "all")]
@@ -105,7 +105,7 @@ def _run(figure: str, budget: Budget, seeds: int, out: Path, work: Path) -> None
                     interrupted=interruption, begins=progress.say,
                 )  # fmt: skip
                 if figure in ("fig11", "all"):
-                    from uuvsim_cosim.commands.learn.reproduce_transfer import FOLDER
+                    from uuvsim_cosim.commands.learn.reproduce_report import FOLDER
                     from uuvsim_cosim.learn.paper.transfer_runs import run_transfers
 
                     run_transfers(
@@ -119,7 +119,7 @@ def _run(figure: str, budget: Budget, seeds: int, out: Path, work: Path) -> None
 
 
 def _run_on(ray: str, figure: str, budget: Budget, seeds: int, out: Path, work: Path) -> None:
-    from uuvsim_cosim.commands.learn.reproduce_transfer import FOLDER
+    from uuvsim_cosim.commands.learn.reproduce_report import FOLDER
     from uuvsim_cosim.learn.paper.ray_reproduce import reproduce_on, transfers_on
     from uuvsim_cosim.learn.training.ray_training import ALIKE
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -16,11 +16,11 @@ if TYPE_CHECKING:
     from uuvsim_cosim.learn.paper.verdicts import Verdict
     from uuvsim_cosim.view.reports.reproduction_figures import Panel
 
-__all__ = ["write_report"]
+    Runs = Mapping[tuple[str, str], Sequence[Result]]
 
-NAMES = {
-    "stt-masac": "STT", "scratch-masac": "from scratch",
-}  # fmt: skip
+__all__ = ["FOLDER", "transfer_section", "write_report"]
+
+NAMES = {"stt-masac": "STT", "scratch-masac": "from scratch"}
 COMPARED = ("masac", "ippo", "idqn", "isac", "mappo")
 STAGES = ("source", "transition_1", "transition_2", "target")
 HEAD = """# Target tracking: what was run, and what holds
@@ -52,6 +52,18 @@ dimensions or as a page of their own:
 """
 
 
+FOLDER = "transfer"
+TRANSFER_HEAD = """
+## Figure 11: into the pool
+
+Each way of learning, put where it was not taught; [sim2real](../../learning/sim2real.md) says what
+is simulated. Means of 100 episodes a seed, judged on seeds never trained on, with 95 % bootstrap
+intervals. *Anticipated*: the same policy behind a predictor of what is late; in the pool, with the
+target carried on to now, or else as the last packet said.
+"""
+TABLE = "| figure | claim | holds when | measured | verdict |\n|---|---|---|---|---|"
+
+
 def write_report(results: Path) -> tuple[dict[str, list[Verdict]], list[Path]]:
     """Write README.md and pictures into a folder of results; return the verdicts by budget."""
     from uuvsim_cosim.learn.paper.results import read_results
@@ -66,89 +78,82 @@ def write_report(results: Path) -> tuple[dict[str, list[Verdict]], list[Path]]:
     files: list[Path] = []
     for name, runs in found.items():
         rows[name] = verdicts(runs)
+        parts += [f"\n## Budget `{name}`\n\n{BUDGETS[name].described}\n", TABLE, *_rows(rows[name])]
+        if not runs:
+            parts.append("\nNothing has been run with this budget.\n")
+            continue
         pictures = _pictures(results, name, runs)
         files += pictures
-        parts.append(_section(name, BUDGETS[name].described, runs, rows[name], pictures))
-    from uuvsim_cosim.commands.learn.reproduce_transfer import transfer_section
-
+        parts += [*_numbers(runs), *(f"\n![{p.stem}]({p.name})" for p in pictures)]
+        parts[-1] += "\n"
     transfers, part, pictures = transfer_section(results)
     for each in rows.values():  # of one budget, whatever the argument is
         each += transfers
-    parts.append(part)
-    files += pictures
     page = results / "README.md"
-    write_whole(page, ("\n".join(parts).rstrip() + "\n").encode())
-    return rows, [page, *files]
+    write_whole(page, ("\n".join([*parts, part]).rstrip() + "\n").encode())
+    return rows, [page, *files, *pictures]
 
 
-def _section(
-    name: str, described: str, runs: Mapping[tuple[str, str], Sequence[Result]],
-    rows: Sequence[Verdict], pictures: Sequence[Path],
-) -> str:  # fmt: skip
-    parts = [f"\n## Budget `{name}`\n\n{described}\n"]
-    parts.append("| figure | claim | holds when | measured | verdict |\n|---|---|---|---|---|")
-    parts += [
-        f"| {r.figure} | {r.claim} | {r.wanted} | {r.measured or '-'} | {r.text} |" for r in rows
+def _rows(verdicts: Sequence[Verdict]) -> list[str]:
+    return [
+        f"| {r.figure} | {r.claim} | {r.wanted} | {r.measured or '-'} | {r.text} |"
+        for r in verdicts
     ]
-    if not runs:
-        return "\n".join(parts) + "\n\nNothing has been run with this budget.\n"
-    parts.append(
+
+
+def _numbers(runs: Runs) -> Iterator[str]:
+    """Yield the table of numbers by scenario and way, the scripted controller below STT."""
+    from uuvsim_cosim.learn.paper.verdicts import numbers_of
+    from uuvsim_cosim.learn.training.statistics import interquartile_mean
+
+    yield (
         "\n| scenario | way | seeds | return | of scripted | track | dist [m] | viol | clean | "
         "CPU s |\n|---|---|---|---|---|---|---|---|---|---|"
     )
     order = {s: k for k, s in enumerate((*STAGES, "careful"))}
     for (scenario, way), given in sorted(runs.items(), key=lambda x: (order[x[0][0]], x[0][1])):
-        parts.append(_row(scenario, way, given))
+        cpu = np.mean([float(r.about["cpu"]) for r in given])
+        cells = [scenario, way, len(given), *numbers_of(given).values(), f"{cpu:.0f}"]
+        yield f"| {' | '.join(map(str, cells))} |"
         if way == "stt-masac":
-            parts.append(_scripted_row(scenario, given[0]))
-    parts += [f"\n![{p.stem}]({p.name})" for p in pictures]
-    return "\n".join(parts) + "\n"
-
-
-def _row(scenario: str, way: str, runs: Sequence[Result]) -> str:
-    from uuvsim_cosim.learn.paper.verdicts import numbers_of
-
-    n = numbers_of(runs)
-    cpu = np.mean([float(r.about["cpu"]) for r in runs])
-    cells = [scenario, way, str(len(runs)), *(str(n[k]) for k in n), f"{cpu:.0f}"]
-    return f"| {' | '.join(cells)} |"
-
-
-def _scripted_row(scenario: str, run: Result) -> str:
-    from uuvsim_cosim.learn.training.statistics import interquartile_mean
-
-    m = run.scripted_metrics
-    means = [m["track"].mean(), m["dist"].mean(), m["viol"].mean(), (m["clean"] == 1.0).mean()]
-    cells = [scenario, "scripted", "", f"{interquartile_mean(run.scripted):.4g}", "1",
-             *(f"{v:.3g}" for v in means), ""]  # fmt: skip
-    return f"| {' | '.join(cells)} |"
+            m = given[0].scripted_metrics
+            means = [*(m[k].mean() for k in ("track", "dist", "viol")), (m["clean"] == 1.0).mean()]
+            cells = [scenario, "scripted", "", f"{interquartile_mean(given[0].scripted):.4g}", "1",
+                     *(f"{v:.3g}" for v in means), ""]  # fmt: skip
+            yield f"| {' | '.join(map(str, cells))} |"
 
 
 # ---- pictures -----------------------------------------------------------------------------
 
 
-def _pictures(
-    results: Path, budget: str, runs: Mapping[tuple[str, str], Sequence[Result]]
-) -> list[Path]:
-    from uuvsim_cosim.view.reports.reproduction_figures import curves_svg
+def _pictures(results: Path, budget: str, runs: Runs) -> list[Path]:
+    from uuvsim_cosim.learn.paper.results import read_episode
+    from uuvsim_cosim.view.reports.reproduction_figures import curves_svg, episode_svg
 
-    if not runs:
-        return []
     written = []
+
+    def write(figure: str, svg: str) -> None:
+        written.append(results / f"{figure}_{budget}.svg")
+        write_whole(written[-1], svg.encode())
+
+    alone = _panel(runs, STAGES[-1], [f"scratch-{a}-all_steps" for a in COMPARED])
+    alone = replace(alone, title="target, without schooling")
     for figure, panels, size in (
         ("fig7", [_panel(runs, s, ("stt-masac", "scratch-masac")) for s in STAGES], (330.0, 220.0)),
-        ("fig9", [_schooled(runs), _alone(runs)], (500.0, 380.0)),
+        ("fig9", [_schooled(runs), alone], (500.0, 380.0)),
     ):
         if any(p.curves for p in panels):
-            path = results / f"{figure}_{budget}.svg"
-            write_whole(path, curves_svg(panels, "return", size).encode())
-            written.append(path)
-    return [*written, *_episodes(results, budget, runs)]
+            write(figure, curves_svg(panels, "return", size))
+    ways = (runs.get((s, "stt-masac"), []) for s in ("careful", "target"))
+    for run in next((given for given in ways if given), [])[:1]:
+        columns = read_episode(results, run.key)
+        trackers = sum(k.startswith("theta_") for k in columns)
+        title = f"Figure 8: target scenario, seed {run.key.seed}, an episode of 20 s"
+        write("fig8", episode_svg(columns, trackers, (2.6, 4.8), title))
+    return written
 
 
-def _panel(
-    runs: Mapping[tuple[str, str], Sequence[Result]], scenario: str, ways: Sequence[str]
-) -> Panel:
+def _panel(runs: Runs, scenario: str, ways: Sequence[str]) -> Panel:
     from uuvsim_cosim.view.reports.reproduction_figures import Curve, Panel
 
     curves, yardstick = [], None
@@ -157,23 +162,13 @@ def _panel(
         if given:
             k = min(len(r.curve["step"]) for r in given)
             y = np.stack([r.curve["return"][:k] for r in given])
-            curves.append(Curve(_named(way), given[0].curve["step"][:k], y))
+            short = way.removeprefix("scratch-").removesuffix("-all_steps").upper()
+            curves.append(Curve(NAMES.get(way, short), given[0].curve["step"][:k], y))
             yardstick = float(given[0].scripted.mean())
     return Panel(scenario.replace("_", " "), "environment steps", curves, yardstick)
 
 
-def _named(way: str) -> str:
-    """Return the name of a learning method in a legend: "IDQN" for "scratch-idqn-all_steps"."""
-    return NAMES.get(way, way.removeprefix("scratch-").removesuffix("-all_steps").upper())
-
-
-def _alone(runs: Mapping[tuple[str, str], Sequence[Result]]) -> Panel:
-    """Return the panel of the methods that train in the target scenario only."""
-    ways = [f"scratch-{a}-all_steps" for a in COMPARED]
-    return replace(_panel(runs, STAGES[-1], ways), title="target, without schooling")
-
-
-def _schooled(runs: Mapping[tuple[str, str], Sequence[Result]]) -> Panel:
+def _schooled(runs: Runs) -> Panel:
     """Return the panel of the target scenario after the other three, with their steps added."""
     algorithms = [a for a in COMPARED if (STAGES[-1], f"stt-{a}") in runs]
     if len(algorithms) < 2:  # nothing to compare with
@@ -187,19 +182,52 @@ def _schooled(runs: Mapping[tuple[str, str], Sequence[Result]]) -> Panel:
     return replace(panel, curves=curves, title="target, after the schooling")
 
 
-def _episodes(
-    results: Path, budget: str, runs: Mapping[tuple[str, str], Sequence[Result]]
-) -> list[Path]:
-    from uuvsim_cosim.learn.paper.results import read_episode
-    from uuvsim_cosim.view.reports.reproduction_figures import episode_svg
+# ---- figure 11 ----------------------------------------------------------------------------
 
-    ways = [runs.get((s, "stt-masac"), []) for s in ("careful", "target")]
-    written = []
-    for run in next((given for given in ways if given), [])[:1]:
-        columns = read_episode(results, run.key)
-        trackers = sum(k.startswith("theta_") for k in columns)
-        title = f"Figure 8: target scenario, seed {run.key.seed}, an episode of 20 s"
-        path = results / f"fig8_{budget}.svg"
-        write_whole(path, episode_svg(columns, trackers, (2.6, 4.8), title).encode())
-        written.append(path)
-    return written
+
+def transfer_section(results: Path) -> tuple[list[Verdict], str, list[Path]]:
+    """Return rows of figure 11, the text for the page, and the pictures written."""
+    from uuvsim_cosim.learn.paper.transfer_runs import CONDITIONS, WAYS, read_transfers
+    from uuvsim_cosim.learn.paper.verdicts import cells_of, transfer_verdicts
+    from uuvsim_cosim.view.reports.transfer_figure import Mark, transfer_svg
+
+    found = read_transfers(results / FOLDER)
+    cells = cells_of(found)
+    rows = transfer_verdicts(cells)
+    parts = [TRANSFER_HEAD, TABLE, *_rows(rows)]
+    if not found:
+        return rows, "\n".join(parts), []
+    ways = [w for w in WAYS if any(key[0] == w for key in cells)]
+    parts.append("\n| way | | seeds | CPU s |\n|---|---|---|---|")
+    for way in ways:
+        runs = [j for j in found if j.way == way]
+        cpu = sum(j.cpu for j in runs) / len(runs)
+        parts.append(f"| `{way}` | {WAYS[way].words} | {len(runs)} | {cpu:.0f} |")
+    marks: dict[str, dict[str, list[Mark]]] = {}
+    tables: dict[str, list[str]] = {"return": [], "track, viol, clean": []}
+    for name, condition in CONDITIONS.items():
+        for how in ("as it is", "anticipated"):
+            there = {w: c for w in ways if (c := cells.get((w, name, how))) is not None}
+            if not there:
+                continue
+            returns = {w: str(c.returns) for w, c in there.items()}
+            others = {w: f"{c.track.value:.3f}, {c.viol:.3f}, {c.clean:.2f}"
+                      for w, c in there.items()}  # fmt: skip
+            for rows_of, texts in zip(tables.values(), (returns, others), strict=True):
+                cells_of_row = [condition.words, how, *(texts.get(w, "") for w in ways)]
+                rows_of.append(f"| {' | '.join(cells_of_row)} |")
+            hollow = how == "as it is" and (any(condition.late) or "pool" in name)
+            for way, cell in there.items():
+                r = cell.returns
+                of_way = marks.setdefault(condition.words, {}).setdefault(way, [])
+                of_way.append(Mark(r.value, r.low, r.high, hollow))
+    for head, rows_of in tables.items():
+        parts.append(f"\n| {head} | | {' | '.join(f'`{w}`' for w in ways)} |")
+        parts += [f"|---|---|{'---|' * len(ways)}", *rows_of]
+    baseline = cells.get(("dt", "nominal", "as it is"))
+    least = None if baseline is None else (0.9 * baseline.returns.value, "0.9 of dt's own")
+    picture = results / "fig11.svg"
+    title = "Figure 11: return of an episode, mean and 95 % interval"
+    write_whole(picture, transfer_svg(marks, ways, title, least).encode())
+    parts.append(f"\n![fig11]({picture.name})\n")
+    return rows, "\n".join(parts), [picture]

@@ -2,25 +2,44 @@
 
 from __future__ import annotations
 
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from uuvsim_cosim.commands.learn.train_seeds import seeds_of, train_seeds
+from uuvsim_cosim.cache import write_whole
 from uuvsim_cosim.commands.learn.training_progress import TrainingProgress
 from uuvsim_cosim.commands.shared.completion import of, tasks
 from uuvsim_cosim.commands.shared.nested_options import nested
 from uuvsim_cosim.commands.shared.out_option import folder_option
-from uuvsim_cosim.commands.shared.ray_option import RAY
-from uuvsim_cosim.commands.shared.terminal import file_table, line, notice, number, put, table
+from uuvsim_cosim.commands.shared.ray_option import RAY, clustered
+from uuvsim_cosim.commands.shared.study_progress import StudyProgress
+from uuvsim_cosim.commands.shared.terminal import (
+    file_line,
+    file_table,
+    line,
+    notice,
+    number,
+    put,
+    remark,
+    table,
+    tilde,
+)
+from uuvsim_cosim.commands.shared.termination import Termination
 from uuvsim_cosim.errors import InputInvalid
+from uuvsim_cosim.learn.training.training_seeds import EVALUATION_SEED
 
 if TYPE_CHECKING:
     from uuvsim_cosim.learn.training.config import TrainingConfig
+    from uuvsim_cosim.learn.training.statistics import Interval
     from uuvsim_cosim.learn.training.train import Trained
+    from uuvsim_cosim.learn.training.train_curriculum import StageTrained
+    from uuvsim_cosim.learn.training.training import Progress
 
-__all__ = ["train_command"]
+__all__ = ["seeds_of", "train_command", "train_seeds", "train_through", "write_judged"]
 
 
 def train_command(
@@ -84,15 +103,19 @@ def train_command(
     changes["settings"] = nested("--set", set_ or [], "NAME=VALUE, as lr=1e-3")
     changes["task_options"] = nested("--task-set", task_set or [], "NAME=VALUE, as n_trackers=3")
     if curriculum is not None:
-        from uuvsim_cosim.commands.learn.curriculum import train_through
-
         unused = {"--config": config, "--seeds": seeds, "--ray": ray}
         train_through(
             curriculum, task, changes, out, restart=restart, report=not no_report, show=open_,
             refused=[k for k, v in unused.items() if v is not None],
         )  # fmt: skip
         return
-    asked = _config(task, config, changes)
+    from uuvsim_cosim.learn.training.config import TrainingConfig, read_config
+
+    if task is not None:
+        changes["task"] = task
+    elif config is None:
+        raise InputInvalid("no task", "one, as in `uuvsim train transition_1`, or --config")
+    asked = TrainingConfig(**changes) if config is None else read_config(config, **changes)
     if seeds is not None or ray is not None:
         from uuvsim_cosim.learn.training.train import resolved, training_folder
 
@@ -113,7 +136,6 @@ def train_command(
             done = train(asked, folder=out, restart=restart, observers=(progress,))
             report = None
             if not no_report:
-                from uuvsim_cosim.commands.learn.training_judged import write_judged
                 from uuvsim_cosim.view.reports.training_report import write_training_report
 
                 progress.say("judging the best policy, and drawing it")
@@ -121,24 +143,11 @@ def train_command(
                 report = write_training_report(done.folder)
         except KeyboardInterrupt as interrupted:
             progress.close()
-            message = str(interrupted) or "interrupted; the same command goes on"
-            notice(message)
+            notice(str(interrupted) or "interrupted; the same command goes on")
             raise typer.Exit(getattr(interrupted, "status", 130)) from None
     _show(done, report)
     if open_ and report is not None:
         typer.launch(str(report))
-
-
-def _config(task: str | None, file: Path | None, changes: dict[str, Any]) -> TrainingConfig:
-    from uuvsim_cosim.learn.training.config import TrainingConfig, read_config
-
-    if task is not None:
-        changes["task"] = task
-    if file is not None:
-        return read_config(file, **changes)
-    if task is None:
-        raise InputInvalid("no task", "one, as in `uuvsim train transition_1`, or --config")
-    return TrainingConfig(**changes)
 
 
 def _show(done: Trained, report: Path | None) -> None:
@@ -158,3 +167,197 @@ def _show(done: Trained, report: Path | None) -> None:
     files = [done.folder / n for n in ("checkpoint.pt", "evaluations.csv", "episodes.csv")]
     files = [*sorted(done.folder.glob("best*.npz")), *files, *([report] if report else [])]
     file_table(f for f in files if f.exists())
+
+
+MOST = 10_000
+
+
+def seeds_of(text: str, first: int = 0) -> list[int]:
+    """Read ``5``, a number of seeds from `first`, or a list ``3,7,11``; raises InputInvalid."""
+    wrong = InputInvalid(
+        f"--seeds {text}: expected a number of them, 1 … {MOST}, or distinct seeds as 3,7,11"
+    )
+    try:
+        read = [int(part) for part in text.split(",") if part.strip()]
+    except ValueError:
+        raise wrong from None
+    if "," not in text and read:
+        if not 1 <= read[0] <= MOST:
+            raise wrong
+        return list(range(first, first + read[0]))
+    if not read or len(set(read)) != len(read) or len(read) > MOST:
+        raise wrong
+    return read
+
+
+def train_seeds(
+    configs: Sequence[TrainingConfig], folders: Sequence[Path], restart: bool, report: bool,
+    ray: str | None,
+) -> list[Trained]:  # fmt: skip
+    """Train each in its folder; write a report of each, and a table of all."""
+    from uuvsim_cosim.learn.training.ray_training import ALIKE, train_on
+    from uuvsim_cosim.learn.training.train import train
+    from uuvsim_cosim.view.reports.training_report import write_training_report
+
+    done: list[Trained] = []
+    with Termination() as termination, StudyProgress("steps") as bar:
+        try:
+            bar.say("building, once")
+            with clustered(ray, alike=ALIKE) as cluster:
+                if cluster is not None:
+                    done = train_on(cluster, configs, folders, restart=restart, progress=bar)
+            for config, folder in zip(configs, folders, strict=True) if ray is None else ():
+                before, total = sum(d.config.steps for d in done), sum(c.steps for c in configs)
+
+                def show(progress: Progress, before: int = before, total: int = total) -> None:
+                    bar("training", before + progress.step, total)
+
+                done.append(train(config, folder=folder, restart=restart, observers=(show,)))
+            for k, each in enumerate(done if report else ()):
+                bar.say(f"judging the best policy of {k + 1} of {len(done)}, and drawing it")
+                write_judged(each.folder)
+                write_training_report(each.folder)
+        except KeyboardInterrupt as interrupted:
+            bar.close()
+            notice(str(interrupted) or "interrupted; the same command goes on from there")
+            status = max(termination.status, getattr(interrupted, "status", 130))
+            raise typer.Exit(status) from None
+    _show_seeds(done)
+    return done
+
+
+def _show_seeds(done: Sequence[Trained]) -> None:
+    line()
+    first = done[0].config
+    line(f"{first.task}, {first.algorithm}: {len(done)} trainings")
+    names = [k for k in ("track", "clean", "success") if k in done[0].evaluations[-1]]
+    rows = []
+    for each in done:
+        best = max(each.evaluations, key=lambda row: row["return"])
+        rows.append(
+            (each.config.seed, number(each.cpu, ".1f"), number(best["step"], ".0f"),
+             number(best["return"], ".4g"),
+             *(number(best[k], ".4g") for k in names), tilde(each.folder))
+        )  # fmt: skip
+    table(("seed", "CPU s", "best at step", "return", *names, "written"), rows, key="trainings")
+    for each in done:
+        if each.note is not None:
+            line(f"seed {each.config.seed}: {each.note}")
+
+
+SHOWN = ("return", "track", "dist", "viol", "clean")
+
+
+def train_through(
+    name: str,
+    task: str | None,
+    changes: Mapping[str, Any],
+    out: Path | None,
+    *,
+    restart: bool,
+    report: bool,
+    show: bool,
+    refused: Sequence[str],
+) -> None:
+    """Train through a curriculum with the options of `uuvsim train`.
+
+    `changes` are fields of TrainingConfig that override the curriculum's. `refused` are given
+    options that a curriculum does not have. `task` must be the last task of the curriculum.
+    """
+    if refused:
+        raise InputInvalid(refused[0], "of one training", "--curriculum without it")
+    from uuvsim_cosim.learn.training.curriculum import curriculum_of
+    from uuvsim_cosim.learn.training.interruption import Interruption
+    from uuvsim_cosim.learn.training.train_curriculum import train_curriculum
+
+    curriculum = curriculum_of(name)
+    last = curriculum.stages[-1].task
+    if task not in (None, "target-tracking", last):
+        raise InputInvalid(
+            f"task {task!r}", f"curriculum {curriculum.name} ends with {last}", "that, or none"
+        )
+    given = {k: v for k, v in changes.items() if v not in (None, {})}
+    seed = given.pop("seed", 0)
+    if not 0 <= seed < EVALUATION_SEED:
+        raise InputInvalid(f"--seed {seed}: expected 0 … {EVALUATION_SEED - 1}")
+    options = dict(given.pop("task_options", {}))
+    if given.get("profile"):
+        options["profile"] = given.pop("profile")
+    if "steps" in given:
+        raise InputInvalid(
+            "--steps: of one training", "the steps of each stage, in a YAML file of a curriculum"
+        )
+    curriculum = curriculum.changed(options=options, **given)
+    folder = out or Path("runs") / "train" / f"{curriculum.name}-{curriculum.algorithm}-{seed}"
+    interruption = Interruption()
+    with TrainingProgress() as progress:
+        try:
+            with interruption:
+                done = train_curriculum(
+                    curriculum, folder, seed=seed, restart=restart, observers=(progress,),
+                    interrupted=interruption,
+                    stage_begins=lambda k, s: progress.say(f"stage {k + 1}, {s.task}"),
+                )  # fmt: skip
+            written = None
+            if report:
+                from uuvsim_cosim.view.reports.curriculum_report import write_curriculum_report
+
+                progress.say("judging the best policy of the last stage, and drawing it")
+                write_judged(folder)
+                written = write_curriculum_report(folder, [stage.folder for stage in done])
+        except KeyboardInterrupt:
+            progress.close()
+            notice("interrupted; the same command goes on from there")
+            raise typer.Exit(interruption.status) from None
+    _show_stages(done, folder, written)
+    if show and written is not None:
+        typer.launch(str(written))
+
+
+def _show_stages(done: Sequence[StageTrained], folder: Path, report: Path | None) -> None:
+    line()
+    rows = []
+    for stage in done:
+        first, last = stage.evaluations[0], stage.evaluations[-1]
+        scripted = "" if stage.scripted is None else number(stage.scripted, ".4g")
+        rows.append(
+            [stage.task, number(last["step"], ".0f"), number(stage.cpu, ".0f"),
+             number(first["return"], ".4g"), scripted,
+             *(number(last[k], ".4g") if k in last else "" for k in SHOWN),
+             "promoted" if stage.promoted else "all steps"]
+        )  # fmt: skip
+    table(("stage", "steps", "CPU s", "first", "scripted", *SHOWN, "ended by"), rows, key="stages")
+    for k, stage in enumerate(done):
+        if stage.note is not None:
+            remark("note", f"stage {k + 1}, {stage.task}: {stage.note}")
+    line()
+    file_line(report or folder, f"written: {tilde(report or folder)}")
+
+
+PICTURES = 4  # episodes drawn
+EPISODES = 100
+
+
+def write_judged(folder: Path) -> None:
+    """Evaluate the best policy of a training; write judged.json and pictures/ into its folder."""
+    from uuvsim_cosim.commands.learn.policies import acting_of
+    from uuvsim_cosim.learn.policies.playing import frames_of
+    from uuvsim_cosim.learn.training.judging import judge, judge_scripted
+    from uuvsim_cosim.learn.training.training_seeds import JUDGING_SEED
+    from uuvsim_cosim.view.plots.png import png
+
+    found = acting_of([str(folder)], None, {})
+    (acts,) = found.policies.values()
+    rows: dict[str, Mapping[str, Interval]] = {"best": judge(found.task, [acts], EPISODES)}
+    if yardstick := judge_scripted(found.task, EPISODES):
+        rows["scripted"] = yardstick
+    (folder / "pictures").mkdir(exist_ok=True)
+    for k in range(PICTURES):
+        *_, last = frames_of(found.task, acts, JUDGING_SEED + k)
+        write_whole(folder / "pictures" / f"{JUDGING_SEED + k}.png", png(last))
+    content = {
+        "episodes": EPISODES,
+        "seed": JUDGING_SEED,
+        "figures": {who: {k: asdict(i) for k, i in r.items()} for who, r in rows.items()},
+    }
+    write_whole(folder / "judged.json", (json.dumps(content, indent=1) + "\n").encode())

@@ -24,7 +24,6 @@ from uuvsim_cosim.commands.shared.terminal import (
 from uuvsim_cosim.errors import InputInvalid
 
 if TYPE_CHECKING:
-    from uuvsim_cosim.orchestrator.system.system import System
     from uuvsim_cosim.studies.identification.identify import Identified
 
 __all__ = ["identify_command"]
@@ -102,14 +101,22 @@ def identify_command(
 
     Multiple shooting on the declared equations; 95 % intervals; a manoeuvre that would tell more.
     """
-    from uuvsim_cosim.studies.identification.identify import identify
+    from uuvsim_cosim.studies.identification.identify import identify, system_of
     from uuvsim_cosim.studies.identification.save import save_as as save
 
     if manoeuvre is not None and no_proposals:
         raise InputInvalid("--manoeuvre: together with --no-proposals there is none to write")
+    edited = system_of(system)
+    sources = assignments("--replace", replace or [], "component=source", dotted=False)
+    for pattern, source in sources.items():
+        for component in [c for c in edited.components if fnmatchcase(c, pattern)] or [pattern]:
+            edited = edited.replace(component, source)
+    values = assignments("--set", set_ or [], "component.parameter=value", dotted=True)
+    for path, value in values.items():
+        edited = edited.set(path, value_of(value))
     found = identify(
         recording,
-        _edited(system, replace or [], set_ or []),
+        edited,
         parameters.split(","),
         mapped=assignments("--map", map_ or [], "component.variable=signal", dotted=True),
         hull=hull,
@@ -125,66 +132,37 @@ def identify_command(
                 "--manoeuvre: nothing pushes in what is identified; none can be flown"
             )
         p = found.proposals[0]
-        rows = [f"# {p.name}: generalised force in b, held from row to row (zero-order hold)"]
-        rows.append("time,tau[1],tau[2],tau[3],tau[4],tau[5],tau[6]")
-        rows += [
-            ",".join(f"{v:.6g}" for v in (t, *force)) for t, force in zip(p.t, p.tau, strict=True)
+        rows = [
+            f"# {p.name}: generalised force in b, held from row to row (zero-order hold)",
+            "time,tau[1],tau[2],tau[3],tau[4],tau[5],tau[6]",
+            *(",".join(f"{v:.6g}" for v in (s, *tau)) for s, tau in zip(p.t, p.tau, strict=True)),
         ]
         written(manoeuvre, "\n".join(rows) + "\n")
         file_line(manoeuvre, f"written: {tilde(manoeuvre)}")
     if save_as is not None:
         for saved in save(found, save_as):
-            name = save_as.rpartition("@")[2]
-            message = f"written: set {name} in {tilde(saved.file)}; use it as {saved.source}"
-            file_line(saved.file, message)
+            where = f"set {save_as.rpartition('@')[2]} in {tilde(saved.file)}"
+            file_line(saved.file, f"written: {where}; use it as {saved.source}")
     if not found.converged:
         remark("note", f"ipopt ended with {found.status} after {found.iterations} iterations")
-
-
-def _edited(name: str, replace: list[str], set_: list[str]) -> System:
-    if name.startswith("model:"):
-        from uuvsim_cosim.orchestrator.system.system import System
-
-        system = System("identified").add("hull", name)
-    else:
-        from uuvsim_cosim.orchestrator.running.library import load
-
-        system = load(name)
-    for pattern, source in assignments(
-        "--replace", replace, "component=source", dotted=False
-    ).items():
-        hits = [c for c in system.components if fnmatchcase(c, pattern)] or [pattern]
-        for component in hits:
-            system = system.replace(component, source)
-    for path, value in assignments("--set", set_, "component.parameter=value", dotted=True).items():
-        system = system.set(path, value_of(value))
-    return system
 
 
 def _show(found: Identified) -> None:
     line(
         f"{found.recording}: {found.samples} samples of {found.seconds:.4g} s, "
-        f"step {found.step:.4g} s, "
-        f"{found.iterations} iterations"
+        f"step {found.step:.4g} s, {found.iterations} iterations"
     )
     table(
         ("parameter", "value", "± (95 %)", "began at", "unit"),
         [
-            (
-                n.name,
-                number(n.value, ".5g"),
-                number(n.half_width, ".2g"),
-                number(n.start, ".5g"),
-                n.unit,
-            )
+            (n.name, *map(number, (n.value, n.half_width, n.start), (".5g", ".2g", ".5g")), n.unit)
             for n in found.numbers
         ],
         key="parameters",
     )
     put("residuals", found.residuals)
     put("converged", found.converged)
-    rms = ", ".join(f"{n} {s:.2g}" for n, s in found.residuals.items())
-    line(f"residuals (rms, SI): {rms}")
+    line(f"residuals (rms, SI): {', '.join(f'{n} {s:.2g}' for n, s in found.residuals.items())}")
     for text in found.notes:
         remark("note", text)
     for text in found.open:

@@ -67,37 +67,29 @@ def study_command(
         raise InputInvalid(file, "no such file", "a study file (.yaml)")
     if jobs is not None and jobs < 1:
         raise InputInvalid(f"--jobs {jobs}: expected 1 or more")
+    report = None
     with Termination() as termination, StudyProgress() as progress:
         try:
-            done, report = _run(file, out, jobs, restart, master, ray, no_report, progress, loops)
+            from uuvsim_cosim.studies import Study
+
+            study = Study.read(file, loops)  # type: ignore[arg-type]  # an unknown policy is refused
+            with clustered(ray, jobs) as cluster:
+                done = study.run(
+                    out, jobs=jobs, restart=restart, backend="master" if master else "auto",
+                    progress=progress, cluster=cluster,
+                )  # fmt: skip
+            if not no_report:
+                from uuvsim_cosim.view.reports.study_report import write_study_report
+
+                progress.say("writing the report")
+                report = write_study_report(done.folder)
         except KeyboardInterrupt as interrupted:
             progress.close()
-            message = str(interrupted) or "interrupted; the same command goes on from there"
-            notice(message)
+            notice(str(interrupted) or "interrupted; the same command goes on from there")
             raise typer.Exit(termination.status) from None
     _show(done, report)
     if open_ and report is not None:
         typer.launch(str(report))
-
-
-def _run(
-    file: Path, out: Path | None, jobs: int | None, restart: bool, master: bool, ray: str | None,
-    no_report: bool, progress: StudyProgress, loops: str | None,
-) -> tuple[StudyResult, Path | None]:  # fmt: skip
-    from uuvsim_cosim.studies import Study
-
-    study = Study.read(file, loops)  # type: ignore[arg-type]  # refused if there is no such policy
-    with clustered(ray, jobs) as cluster:
-        done = study.run(
-            out, jobs=jobs, restart=restart, backend="master" if master else "auto",
-            progress=progress, cluster=cluster,
-        )  # fmt: skip
-    if no_report:
-        return done, None
-    from uuvsim_cosim.view.reports.study_report import write_study_report
-
-    progress.say("writing the report")
-    return done, write_study_report(done.folder)
 
 
 def _show(done: StudyResult, report: Path | None) -> None:

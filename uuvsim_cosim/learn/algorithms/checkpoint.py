@@ -16,7 +16,9 @@ import torch
 from uuvsim_cosim.cache import write_whole
 from uuvsim_cosim.errors import InputInvalid, RecordingError
 
-__all__ = ["State", "load_checkpoint", "save_checkpoint", "unfit"]
+__all__ = [
+    "State", "load_checkpoint", "philox_state", "save_checkpoint", "set_philox_state", "unfit",
+]  # fmt: skip
 
 State = Mapping[str, Any]  # tensors, arrays, numbers and texts, nested in mappings and lists
 FORMAT = 2  # 1: without averaged actors
@@ -70,6 +72,34 @@ def unfit(error: Exception) -> InputInvalid:
     else:  # torch lists on further lines every number that differs
         reason = str(error).splitlines()[0].rstrip(": ") if str(error) else type(error).__name__
     return InputInvalid(reason, "one of this algorithm, with networks of these widths")
+
+
+def philox_state(random: np.random.Generator) -> dict[str, list[int]]:
+    """Return a generator's state as plain integers."""
+    state = random.bit_generator.state
+    inner = state["state"]
+    return {
+        "counter": [int(x) for x in inner["counter"]],
+        "key": [int(x) for x in inner["key"]],
+        "buffer": [int(x) for x in state["buffer"]],
+        "rest": [int(state[k]) for k in ("buffer_pos", "has_uint32", "uinteger")],
+    }
+
+
+def set_philox_state(random: np.random.Generator, kept: Mapping[str, list[int]]) -> None:
+    """Restore a generator's state."""
+    pos, has, word = kept["rest"]
+    random.bit_generator.state = {
+        "bit_generator": "Philox",
+        "state": {
+            "counter": np.array(kept["counter"], np.uint64),
+            "key": np.array(kept["key"], np.uint64),
+        },
+        "buffer": np.array(kept["buffer"], np.uint64),
+        "buffer_pos": pos,
+        "has_uint32": has,
+        "uinteger": word,
+    }
 
 
 def _tensors(value: object) -> object:

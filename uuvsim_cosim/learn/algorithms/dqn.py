@@ -7,7 +7,7 @@ Mnih et al., "Human-level control through deep reinforcement learning", 2015, fo
 
 from __future__ import annotations
 
-import math
+import itertools
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, replace
 from typing import Self, final
@@ -18,16 +18,13 @@ from numpy.typing import NDArray
 from torch.nn.functional import smooth_l1_loss
 
 from uuvsim_cosim.errors import InputInvalid
-from uuvsim_cosim.learn.algorithms.action_grid import action_grid
-from uuvsim_cosim.learn.algorithms.checkpoint import State, unfit
-from uuvsim_cosim.learn.algorithms.gradients import check_gradients
-from uuvsim_cosim.learn.algorithms.off_policy_learner import _philox, _set_philox
+from uuvsim_cosim.learn.algorithms.checkpoint import State, philox_state, set_philox_state, unfit
+from uuvsim_cosim.learn.algorithms.gradients import descend
 from uuvsim_cosim.learn.algorithms.replay_buffer import Replay, Transitions
 from uuvsim_cosim.learn.algorithms.stacked import StackedMLP
 from uuvsim_cosim.learn.algorithms.transfer import pass_on
-from uuvsim_cosim.learn.shared.errors import LearningDiverged
 
-__all__ = ["DqnLearner", "DqnSettings"]
+__all__ = ["DqnLearner", "DqnSettings", "action_grid"]
 
 Array = NDArray[np.float32]
 
@@ -132,13 +129,7 @@ class DqnLearner:
             y = r + self.given.gamma * (1.0 - ended) * self.target(after).amax(-1)
         q = self.network(o).gather(-1, a.long()).squeeze(-1)
         loss = smooth_l1_loss(q, y, reduction="none").mean(1).sum()
-        value = float(loss.detach()) / self.agents
-        if not math.isfinite(value):
-            raise LearningDiverged(self.name, "q_loss", value)
-        self._optimizer.zero_grad(set_to_none=True)
-        loss.backward()  # type: ignore[no-untyped-call]
-        check_gradients(self.name, "Q", self.network.parameters())
-        self._optimizer.step()
+        value = descend(self.name, "q_loss", self._optimizer, loss, agents=self.agents, network="Q")
         with torch.no_grad():
             for slow, fast in zip(self.target.parameters(), self.network.parameters(), strict=True):
                 slow.lerp_(fast, self.given.tau)
@@ -162,7 +153,7 @@ class DqnLearner:
             "target": self.target.state_dict(),
             "adam": self._optimizer.state_dict(),
             "replay": self._replay.state(),
-            "random": _philox(self._random),
+            "random": philox_state(self._random),
             "counters": (self._steps, self._due, self._updates),
         }
 
@@ -174,6 +165,22 @@ class DqnLearner:
             self._optimizer.load_state_dict(state["adam"])
             self._replay.set_state(state["replay"])
             self._steps, self._due, self._updates = state["counters"]
-            _set_philox(self._random, state["random"])
+            set_philox_state(self._random, state["random"])
         except (KeyError, RuntimeError, ValueError, TypeError) as error:
             raise unfit(error) from error
+
+
+def action_grid(width: int) -> NDArray[np.float32]:
+    """Return the choices (k, width), in [-1, 1].
+
+    Two actions, such as (a, omega) of target tracking: a grid of 3 x 5. One action: 5 levels. More
+    actions: all 0, or one of them at -1 or 1, which are 2 width + 1 choices.
+    """
+    levels = np.linspace(-1.0, 1.0, 5)
+    if width == 1:
+        return levels[:, None].astype(np.float32)
+    if width == 2:
+        rows = list(itertools.product((-1.0, 0.0, 1.0), levels))
+        return np.array(rows, np.float32)
+    alone = np.eye(width)
+    return np.concatenate([np.zeros((1, width)), alone, -alone]).astype(np.float32)

@@ -1,4 +1,4 @@
-"""Checks of gradients for NaN, and clipping of their norms."""
+"""Gradient steps: checks for NaN, and clipping of norms."""
 
 from __future__ import annotations
 
@@ -10,7 +10,26 @@ from torch import Tensor
 
 from uuvsim_cosim.learn.shared.errors import LearningDiverged
 
-__all__ = ["check_gradients", "clip_by_network"]
+__all__ = ["check_gradients", "clip_by_network", "descend"]
+
+
+def descend(
+    algorithm: str, name: str, optimizer: torch.optim.Optimizer, loss: Tensor, *, agents: int = 1,
+    network: str = "",
+) -> float:  # fmt: skip
+    """Make a gradient step on the sum of the agents' losses; returns their mean.
+
+    Raises LearningDiverged for NaN, before anything is changed; `network`, by default `name`, names
+    the gradient there.
+    """
+    value = float(loss.detach()) / agents
+    if not math.isfinite(value):
+        raise LearningDiverged(algorithm, name, value)
+    optimizer.zero_grad(set_to_none=True)
+    loss.backward()  # type: ignore[no-untyped-call]
+    check_gradients(algorithm, network or name, optimizer.param_groups[0]["params"])
+    optimizer.step()
+    return value
 
 
 def check_gradients(algorithm: str, name: str, parameters: Iterable[Tensor]) -> None:

@@ -24,10 +24,9 @@ from numpy.typing import NDArray
 from torch import Tensor
 from torch.nn.functional import softplus
 
-from uuvsim_cosim.learn.algorithms.gradients import check_gradients
+from uuvsim_cosim.learn.algorithms.gradients import descend
 from uuvsim_cosim.learn.algorithms.replay_buffer import Transitions
 from uuvsim_cosim.learn.algorithms.stacked import StackedMLP
-from uuvsim_cosim.learn.shared.errors import LearningDiverged
 
 if TYPE_CHECKING:
     from uuvsim_cosim.learn.algorithms.checkpoint import State
@@ -133,7 +132,11 @@ class Masac:
             next_a, next_log = self._drawn(after)
             q_next = self._q(self.target, self._seen(after, next_a)).amin(1)
             y = r + self.settings.gamma * (1.0 - ended) * (q_next - alpha * next_log)
-            y = y - self._offset(ended)
+            # The share of a mean reward c in y: without it, Q is Q - c / (1 - gamma) (Naik et al.,
+            # "Reward Centering", 2024). The best action stays the best, also where episodes end,
+            # and learning no longer begins with climbing to c / (1 - gamma).
+            share = 1.0 - self.settings.gamma * (1.0 - ended)
+            y = y - self.centre[:, None] * share / max(1.0 - self.settings.gamma, 1e-9)
         q = self._q(self.critic, self._seen(o, a))
         if self.settings.centre:
             error = (y - q.detach().mean(1)).mean(1)
@@ -146,15 +149,6 @@ class Masac:
         _follow(self.target, self.critic, self.settings.tau)
         return {**losses, "alpha": float(alpha.mean()), "q": float(q.detach().mean())}
 
-    def _offset(self, ended: Tensor) -> Tensor:
-        """Return the share of a mean reward c in y (N, n): without it, Q is Q - c / (1 - gamma).
-
-        Naik et al., "Reward Centering", 2024. The best action stays the best, also where episodes
-        end, and learning no longer begins with climbing to c / (1 - gamma).
-        """
-        share = 1.0 - self.settings.gamma * (1.0 - ended)
-        return self.centre[:, None] * share / max(1.0 - self.settings.gamma, 1e-9)
-
     def _improve(self, o: Tensor, a: Tensor, alpha: Tensor) -> dict[str, float]:
         drawn, log_pi = self._drawn(o)
         for p in self.critic.parameters():
@@ -166,20 +160,12 @@ class Masac:
         entropy = -log_pi.detach().mean(-1)
         if self.settings.tune_alpha:
             wanted = -self.settings.h0 * self.acted
-            loss = (self.log_alpha.exp() * (entropy - wanted)).sum()
-            self._descend("alpha", loss)
+            self._descend("alpha", (self.log_alpha.exp() * (entropy - wanted)).sum())
         return {**losses, "entropy": float(entropy.mean())}
 
     def _descend(self, name: str, loss: Tensor) -> float:
         optimizer = self.optimizers[name]
-        value = float(loss.detach()) / self.agents
-        if not math.isfinite(value):  # checked before it changes the networks
-            raise LearningDiverged("masac", f"{name}_loss", value)
-        optimizer.zero_grad(set_to_none=True)
-        loss.backward()  # type: ignore[no-untyped-call]
-        check_gradients("masac", name, optimizer.param_groups[0]["params"])
-        optimizer.step()
-        return value
+        return descend("masac", f"{name}_loss", optimizer, loss, agents=self.agents, network=name)
 
     def _seen(self, o: Tensor, a: Tensor, own: Tensor | None = None) -> Tensor:
         """Return the input of each agent's critics (N, n, seen); `own` replaces its action."""

@@ -11,10 +11,9 @@ from numpy.typing import NDArray
 
 from uuvsim_cosim.envs.task.symmetry import Symmetry
 from uuvsim_cosim.errors import InputInvalid
-from uuvsim_cosim.learn.algorithms.checkpoint import State, unfit
+from uuvsim_cosim.learn.algorithms.checkpoint import State, philox_state, set_philox_state, unfit
 from uuvsim_cosim.learn.algorithms.masac import Masac, MasacSettings
-from uuvsim_cosim.learn.algorithms.n_step import NStep
-from uuvsim_cosim.learn.algorithms.replay_buffer import Replay, Transitions
+from uuvsim_cosim.learn.algorithms.replay_buffer import NStep, Replay, Transitions
 from uuvsim_cosim.learn.algorithms.transfer import transfer
 
 __all__ = ["MasacLearner", "OffPolicySettings"]
@@ -106,16 +105,11 @@ class MasacLearner:
         """Return an actor's mean."""
         return "tanh", self.masac.tensors(agent)
 
-    def awake(self) -> NDArray[np.bool_]:
-        """Return which numbers of the observations have ever been nonzero, of shape (d,)."""
-        return self._replay.awake()
-
     def go_on_from(self, last: Self, seed: int) -> None:
         """Continue with the networks of `last`; see `transfer`. Raises InputInvalid."""
         m = self.masac
-        self.masac = transfer(
-            last.masac, m.agents, last.awake(), observed=m.observed, seed=seed, settings=m.settings
-        )
+        awake = last._replay.awake()
+        self.masac = transfer(last.masac, m.agents, awake, seed=seed, settings=m.settings)
 
     def state(self) -> State:
         """Return networks, optimisers, buffer, counters, random numbers."""
@@ -123,7 +117,7 @@ class MasacLearner:
             "masac": self.masac.state(),
             "replay": self._replay.state(),
             "several": self._several.state(),
-            "random": _philox(self._random),
+            "random": philox_state(self._random),
             "counters": (self._steps, self._due, self._updates),
         }
 
@@ -134,33 +128,6 @@ class MasacLearner:
             self._replay.set_state(state["replay"])
             self._several.set_state(state["several"])
             self._steps, self._due, self._updates = state["counters"]
-            _set_philox(self._random, state["random"])
+            set_philox_state(self._random, state["random"])
         except (KeyError, RuntimeError, ValueError, TypeError) as error:
             raise unfit(error) from error
-
-
-def _philox(random: np.random.Generator) -> dict[str, list[int]]:
-    """Return a generator's state as plain integers."""
-    state = random.bit_generator.state
-    inner = state["state"]
-    return {
-        "counter": [int(x) for x in inner["counter"]],
-        "key": [int(x) for x in inner["key"]],
-        "buffer": [int(x) for x in state["buffer"]],
-        "rest": [int(state[k]) for k in ("buffer_pos", "has_uint32", "uinteger")],
-    }
-
-
-def _set_philox(random: np.random.Generator, kept: Mapping[str, list[int]]) -> None:
-    pos, has, word = kept["rest"]
-    random.bit_generator.state = {
-        "bit_generator": "Philox",
-        "state": {
-            "counter": np.array(kept["counter"], np.uint64),
-            "key": np.array(kept["key"], np.uint64),
-        },
-        "buffer": np.array(kept["buffer"], np.uint64),
-        "buffer_pos": pos,
-        "has_uint32": has,
-        "uinteger": word,
-    }

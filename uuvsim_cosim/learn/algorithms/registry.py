@@ -7,7 +7,7 @@ from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING, Any, get_type_hints
 
 from uuvsim_cosim.errors import InputInvalid
-from uuvsim_cosim.learn.shared.extras import check_torch
+from uuvsim_cosim.learn.shared.errors import check_torch
 from uuvsim_cosim.models.declaration.near_names import expected_names
 
 if TYPE_CHECKING:
@@ -31,24 +31,14 @@ class Algorithm:
 
     name: str
     alone: bool
-    described: str
 
 
+# sac, ppo and dqn are for one agent; masac and mappo have central critics; in isac, ippo and idqn
+# each agent learns by itself.
 ALGORITHMS = {
-    a.name: a
-    for a in (
-        Algorithm("sac", True, "soft actor-critic, our own"),
-        Algorithm("masac", False, "multi-agent SAC, central critics, our own"),
-        Algorithm("isac", False, "SAC for each agent by itself, our own"),
-        Algorithm("ppo", True, "proximal policy optimisation, our own"),
-        Algorithm("ippo", False, "PPO for each agent by itself, our own"),
-        Algorithm("mappo", False, "PPO with central critics, our own"),
-        Algorithm("dqn", True, "deep Q-learning, our own"),
-        Algorithm("idqn", False, "DQN for each agent by itself, our own"),
-    )
+    name: Algorithm(name, name in ("sac", "ppo", "dqn"))
+    for name in ("sac", "masac", "isac", "ppo", "ippo", "mappo", "dqn", "idqn")
 }
-
-
 TRANSFERS = ("masac", "isac", "ippo", "mappo", "idqn")  # Transferable: for curricula
 
 
@@ -99,7 +89,7 @@ def learner_of(
         })
         for kind in makers.settings
     ]  # fmt: skip
-    return makers.make(agents, observed, acted, n, seed, made)
+    return makers.make(agents, observed, acted, seed, made)
 
 
 def check_settings(algorithm: Algorithm, settings: Mapping[str, object]) -> dict[str, float]:
@@ -108,11 +98,29 @@ def check_settings(algorithm: Algorithm, settings: Mapping[str, object]) -> dict
     hints: dict[str, type] = {}
     for kind in makers.settings:
         hints |= {k: v for k, v in get_type_hints(kind).items() if k not in makers.fixed}
-    given = {}
+    given: dict[str, float] = {}
+    value: Any
     for name, value in settings.items():
         if name not in hints:
             raise InputInvalid(f"{algorithm.name}, setting {name!r}", expected_names(name, hints))
-        given[name] = _checked(algorithm.name, name, value, hints[name])
+        place = f"{algorithm.name}, {name} {value!r}"
+        if hints[name] is bool:
+            if not isinstance(value, bool):
+                raise InputInvalid(place, "true or false")
+            given[name] = value
+            continue
+        number = isinstance(value, int | float) and not isinstance(value, bool)
+        if hints[name] is int:
+            least = 0 if name in _MAY_BE_0 else 2 if name in ("batch", "samples") else 1
+            if not number or value != int(value) or not least <= value <= 10**9:
+                raise InputInvalid(place, f"a whole number from {least}")
+            given[name] = int(value)
+            continue
+        low, high = _LIMITS.get(name, (1e-12, 1e6))
+        if not number or not low <= value <= high:
+            expected = "more than 0, at most 1e6" if low == 1e-12 else f"{low:g} … {high:g}"
+            raise InputInvalid(place, f"a number, {expected}")
+        given[name] = float(value)
     return given
 
 
@@ -139,7 +147,7 @@ def _makers(name: str, symmetries: Sequence[Symmetry] = ()) -> _Makers:
         return _Makers(
             (MasacSettings, OffPolicySettings),
             {"central": name != "isac"},
-            lambda N, d, a, n, seed, s: MasacLearner(
+            lambda N, d, a, seed, s: MasacLearner(
                 N, d, a, seed=seed, network=s[0], schedule=s[1], symmetries=symmetries
             ),
         )
@@ -148,7 +156,7 @@ def _makers(name: str, symmetries: Sequence[Symmetry] = ()) -> _Makers:
 
         return _Makers(
             (PpoSettings,), {},
-            lambda N, d, a, n, seed, s: PpoLearner(
+            lambda N, d, a, seed, s: PpoLearner(
                 N, d, a, seed=seed, settings=s[0], central=name == "mappo", name=name
             ),
         )  # fmt: skip
@@ -156,7 +164,7 @@ def _makers(name: str, symmetries: Sequence[Symmetry] = ()) -> _Makers:
 
     return _Makers(
         (DqnSettings,), {},
-        lambda N, d, a, n, seed, s: DqnLearner(N, d, a, seed=seed, settings=s[0], name=name),
+        lambda N, d, a, seed, s: DqnLearner(N, d, a, seed=seed, settings=s[0], name=name),
     )  # fmt: skip
 
 
@@ -167,23 +175,3 @@ _LIMITS = {  # (least, greatest) of some numbers; the others are positive
     "average": (1e-6, 1.0),
 }  # fmt: skip
 _MAY_BE_0 = ("warm_up", "critic_only", "epsilon_steps")
-
-
-def _checked(algorithm: str, name: str, value: Any, kind: type) -> float:
-    """Return a setting with its type; raises InputInvalid."""
-    place = f"{algorithm}, {name} {value!r}"
-    if kind is bool:
-        if not isinstance(value, bool):
-            raise InputInvalid(place, "true or false")
-        return value
-    number = isinstance(value, int | float) and not isinstance(value, bool)
-    if kind is int:
-        least = 0 if name in _MAY_BE_0 else 2 if name in ("batch", "samples") else 1
-        if not number or value != int(value) or not least <= value <= 10**9:
-            raise InputInvalid(place, f"a whole number from {least}")
-        return int(value)
-    low, high = _LIMITS.get(name, (1e-12, 1e6))
-    if not number or not low <= value <= high:
-        expected = "more than 0, at most 1e6" if low == 1e-12 else f"{low:g} … {high:g}"
-        raise InputInvalid(place, f"a number, {expected}")
-    return float(value)

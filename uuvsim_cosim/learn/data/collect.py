@@ -15,8 +15,7 @@ from uuvsim_cosim.envs.tasks import scripted
 from uuvsim_cosim.envs.tasks.scripted import scripted_policy
 from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.learn.data.dataset import Dataset, Episode
-from uuvsim_cosim.learn.policies.policy import Named, Policy
-from uuvsim_cosim.learn.policies.sequence_runner import begin
+from uuvsim_cosim.learn.policies.policy import Named, Policy, begin
 from uuvsim_cosim.learn.shared.task_ids import make_task
 from uuvsim_cosim.learn.training.agents import agents_of
 from uuvsim_cosim.learn.training.loading import acting_in, load_policies, random_policy
@@ -59,16 +58,11 @@ def collect(
         _Part(name, dict(options or {}), acts, seed, first, min(AT_ONCE, episodes - first))
         for first in range(0, episodes, AT_ONCE)
     ]
-    found: list[_Collected] = []
-    if cluster is None:
-        found = [_collect(part) for part in parts]
-    else:
-        came = dict(cluster.spread(_collect, parts))
-        found = [came[k] for k in range(len(parts))]
-    kept = [episode for episodes_of_part, _ in found for episode in episodes_of_part]
-    named = found[0][1]
+    came = cluster.spread(_collect, parts) if cluster else enumerate(map(_collect, parts))
+    found = dict(came)
+    kept = [episode for k in range(len(parts)) for episode in found[k][0]]
     told = {"policy": word or Path(policy).name, "seed": seed}
-    return Dataset(kept, named[0], named[1], name, dict(options or {}), told)
+    return Dataset(kept, *found[0][1], name, dict(options or {}), told)
 
 
 # ---- inside -------------------------------------------------------------------------------
@@ -90,44 +84,41 @@ _Collected = tuple[list[Episode], tuple[tuple[Named, ...], tuple[Named, ...]]]
 
 
 def _collect(part: _Part) -> _Collected:
+    """Return the episodes of all environments, and of all agents, in their order."""
     task = make_task(part.name, part.options)
     acts, parts = _acts(task, part)
     for one in parts:
         begin(one)
     rollout = Rollout(task, part.count, part.seed + part.first)
+    numbers = np.arange(part.first, part.first + part.count)
+    transitions, alive = [], np.ones(part.count, bool)
+    steps = np.zeros((part.count, len(rollout.agents)), int)
+    ended = np.zeros(steps.shape, bool)
     try:
-        rows = np.arange(part.first, part.first + part.count)
-        return _episodes(rollout, acts, rows), rollout.named()
+        while alive.any():
+            t, _ = rollout.step(acts(rollout.observation, numbers))
+            transitions.append(t)
+            steps += alive[:, None] & ~ended
+            ended |= alive[:, None] & (t.terminated > 0)
+            alive &= rollout.steps > 0
+        named = rollout.named()
     finally:
         rollout.close()
-
-
-def _episodes(rollout: Rollout, acts: Act, numbers: NDArray[np.intp]) -> list[Episode]:
-    """Return the episodes of all environments, and of all agents, in their order."""
-    n, agents = rollout.n, len(rollout.agents)
-    transitions, alive = [], np.ones(n, bool)
-    steps = np.zeros((n, agents), int)
-    ended = np.zeros((n, agents), bool)
-    while alive.any():
-        t, _ = rollout.step(acts(rollout.observation, numbers))
-        transitions.append(t)
-        steps += alive[:, None] & ~ended
-        ended |= alive[:, None] & (t.terminated > 0)
-        alive &= rollout.steps > 0
     o, a, r, after = (
         np.stack([getattr(t, k) for t in transitions])
         for k in ("observation", "action", "reward", "after")
     )
-    return [
+    episodes = [
         Episode(
             np.concatenate([o[:k, i, j], after[k - 1 : k, i, j]]),
             a[:k, i, j],
             r[:k, i, j],
             bool(ended[i, j]),
         )
-        for i in range(n)
+        for i in range(part.count)
         for j, k in enumerate(steps[i])
     ]
+    return episodes, named
 
 
 def _acts(task: Task | TeamTask, part: _Part) -> tuple[Act, list[scripted.Policy]]:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
+from typing import final
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -19,16 +20,92 @@ from uuvsim_cosim.envs.task.signals import Signals, resolved
 from uuvsim_cosim.envs.task.task import Task, TeamTask
 from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.learn.data.dataset import Dataset, Episode
-from uuvsim_cosim.learn.data.recorded_signals import Reading, refuse_times
-from uuvsim_cosim.learn.policies.policy import Named
+from uuvsim_cosim.learn.policies.policy import Named, names_of
 from uuvsim_cosim.learn.shared.task_ids import make_task
+from uuvsim_cosim.models.declaration.near_names import expected_names
 from uuvsim_cosim.orchestrator.plan.flatten import flatten
 from uuvsim_cosim.orchestrator.recording.recording_reader import read_signals
 from uuvsim_cosim.orchestrator.recording.signals import Signals as Recorded
 
-__all__ = ["from_recordings"]
+__all__ = ["Reading", "from_recordings", "refuse_times"]
 
 Array = NDArray[np.float64]
+
+
+def refuse_times(run: Path, time: Array) -> None:
+    """Raise InputInvalid for times that are no numbers, or fall.
+
+    Two that are equal may be there: a restart records a communication point twice.
+    """
+    bad = np.flatnonzero(~np.isfinite(time))
+    if len(bad):
+        raise InputInvalid(run, f"time {time[bad[0]]:g} in row {bad[0] + 1}", "a number")
+    falls = np.flatnonzero(np.diff(time) < 0)
+    if len(falls):
+        k = falls[0]
+        raise InputInvalid(
+            run, f"time {time[k + 1]:g} s in row {k + 2}, after {time[k]:g} s", "times that rise"
+        )
+
+
+@final
+class Reading:
+    """Recorded of a task by the names that they have in recordings, where `renamed` gives others.
+
+    `names` are those that the task needs. Raises InputInvalid for others in `renamed`.
+    """
+
+    def __init__(self, task: str, names: Mapping[str, int], renamed: Mapping[str, str]) -> None:
+        self.task, self._renamed = task, renamed
+        for name in renamed:
+            if name not in names:
+                raise InputInvalid(
+                    f"signal {name!r}",
+                    f"{task} reads none of this name",
+                    expected_names(name, names),
+                )
+
+    def finds(self, read: Recorded, name: str) -> bool:
+        """Return whether a signal is to be read by its name, or by what was given for it."""
+        return name in self._renamed or name in read
+
+    def of(self, run: Path, read: Recorded, sizes: Mapping[str, int]) -> list[Array]:
+        """Return signals of such sizes, each of shape (instants, size).
+
+        Raises InputInvalid that names every element that was not recorded.
+        """
+        missing: list[str] = []
+        bare = False
+        for name, size in sizes.items():
+            place = self._renamed.get(name, name)
+            absent, there = [place], read.elements.get(place, ())
+            if place in read:  # its missing elements, if the recording lists them
+                absent = [f"{place}[{i}]" for i in range(1, size + 1) if there and i not in there]
+            # A column without Arrow's metadata is a signal with an index in its name.
+            bare |= bool(absent) and any(f"{place}[{i + 1}]" in read for i in range(size))
+            missing += [a if place == name else f"{a} (given for {name})" for a in absent]
+        if missing:
+            why = ", or without the Arrow metadata that says what a column holds" if bare else ""
+            raise InputInvalid(
+                run,
+                f"{', '.join(missing)} not recorded{why}",
+                f"what {self.task} reads (a signal of another name is given by "
+                "--signal NAME=RECORDED)",
+            )
+        values = []
+        for name, size in sizes.items():
+            place = self._renamed.get(name, name)
+            found = read[place]
+            columns = found.reshape(len(found), -1) if len(found) else np.zeros((0, size))
+            if columns.shape[1] != size:
+                raise InputInvalid(
+                    run, f"{place} has {columns.shape[1]} elements", f"{size}, as {self.task} reads"
+                )
+            if columns.dtype.kind not in "fiub":
+                held = type(columns.flat[0]).__name__
+                raise InputInvalid(run, f"{place} holds {held}", "numbers")
+            values.append(np.asarray(columns, float))
+        return values
 
 
 def from_recordings(
@@ -89,10 +166,7 @@ class _Reader:
             self.box = ObservationBox(plan, self.signals, task.observations, task.extra_limits)
             sides = self.box.low, self.box.high
         self.low, self.high = (np.asarray(s, np.float32) for s in sides)
-        self.seen = tuple(
-            Named(f"o[{i + 1}]", float(a), float(b))
-            for i, (a, b) in enumerate(zip(self.low, self.high, strict=True))
-        )
+        self.seen = names_of(self.low, self.high)
         agent, first = next(iter(self.boxes.items()))
         short = [
             first.name(i).removeprefix(f"{agent}." if team else "") for i in range(first.width)
@@ -106,7 +180,19 @@ class _Reader:
 
     def episodes(self, run: Path) -> list[Episode]:
         read = read_signals(run)
-        at = self._instants(run, np.asarray(read.time, float))
+        time = np.asarray(read.time, float)
+        refuse_times(run, time)
+        # The rows where actions begin.
+        step = float(self.task.action_step)
+        count = int((time[-1] - time[0]) / step + 1e-6) if len(time) else 0
+        begins = time[0] + step * np.arange(count + 1) if count else np.zeros(0)
+        at = np.clip(np.searchsorted(time, begins - 1e-6), 0, max(len(time) - 1, 0))
+        if not count or np.abs(time[at] - begins).max() > 1e-6 or np.any(np.diff(at) < 2):
+            raise InputInvalid(
+                run,
+                f"{len(time)} instants",
+                f"one at each action step of {step:g} s, and others between",
+            )
         wanted = {n: self.sizes[n] for n in self.signals.names}
         values = np.concatenate(self.reading.of(run, read, wanted), axis=1)
         # The action of step k: recorded last before step k + 1 begins.
@@ -125,11 +211,10 @@ class _Reader:
         step, before = np.arange(n), np.maximum(np.arange(n) - 1, 0)
         action = {a: x[before] * (step > 0)[:, None] for a, x in acted.items()}
         earlier = {a: x[before] for a, x in action.items()}
-        s = self.task.action_step
-        about = self.signals, (s.numerator, s.denominator)
+        names, s = self.signals, self.task.action_step.as_integer_ratio()
         m = Instant(
-            about[0], values.copy(), step, about[1], action, _Start(),
-            before=Instant(about[0], values[:, before], before, about[1], earlier, _Start()),
+            names, values.copy(), step, s, action, _Start(),
+            before=Instant(names, values[:, before], before, s, earlier, _Start()),
         )  # fmt: skip
         seen: Mapping[str, NDArray[np.generic]]
         beyond: Mapping[str, NDArray[np.generic]]
@@ -160,21 +245,6 @@ class _Reader:
             self.clipped["actions"] += _clipped(recorded[agent][:k], made[-1].action, -1.0, 1.0)
         return made
 
-    def _instants(self, run: Path, time: Array) -> NDArray[np.intp]:
-        """Return the rows where actions begin."""
-        refuse_times(run, time)
-        step = float(self.task.action_step)
-        count = int((time[-1] - time[0]) / step + 1e-6) if len(time) else 0
-        wanted = time[0] + step * np.arange(count + 1) if count else np.zeros(0)
-        at = np.clip(np.searchsorted(time, wanted - 1e-6), 0, max(len(time) - 1, 0))
-        if not count or np.abs(time[at] - wanted).max() > 1e-6 or np.any(np.diff(at) < 2):
-            raise InputInvalid(
-                run,
-                f"{len(time)} instants",
-                f"one at each action step of {step:g} s, and others between",
-            )
-        return np.asarray(at)
-
     def _action(self, run: Path, read: Recorded, agent: str) -> Array:
         """Return actions in [-1, 1], and what was beyond, of shape (instants, width)."""
         box = self.boxes[agent]
@@ -192,10 +262,8 @@ class _Reader:
                 raise InputInvalid(
                     run,
                     f"neither {key} nor {output} recorded",
-                    (
-                        f"the action of {self.reading.task} (a signal of another name is "
-                        "given by --signal NAME=RECORDED)"
-                    ),
+                    f"the action of {self.reading.task} (a signal of another name is given by "
+                    "--signal NAME=RECORDED)",
                 )
         return np.stack(columns, axis=1)
 

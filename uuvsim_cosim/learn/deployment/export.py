@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import inspect
-from collections.abc import Callable, Mapping, Sequence
+import io
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -12,8 +13,7 @@ import numpy as np
 
 from uuvsim_cosim.cache import cache_dir, content_hash, write_whole
 from uuvsim_cosim.errors import InputInvalid
-from uuvsim_cosim.learn.policies.policy import Array, Named, Policy
-from uuvsim_cosim.learn.policies.sequence_runner import SequenceRunner
+from uuvsim_cosim.learn.policies.policy import Array, Named, Policy, SequenceRunner
 from uuvsim_cosim.learn.training.loading import load_policies, policy_path
 
 if TYPE_CHECKING:
@@ -49,7 +49,16 @@ def export_policy(
     ending = out.suffix.lower()
     if ending not in ENDINGS:
         raise InputInvalid(out, f"ending {ending!r} was read", ", ".join(ENDINGS))
-    policy = _one(source)
+    path = policy_path(source)
+    if path.is_file():
+        policy = Policy.load(path)
+    else:
+        found = load_policies(path)
+        policy = found[0]
+        if len(found) != 1 or policy.agent:  # of one agent, the folder has lost the others'
+            agents = ", ".join(p.agent for p in found)
+            file = next(p.name for p in sorted(path.glob("*.npz")))
+            raise InputInvalid(path, f"policies of {agents}", f"the file of one, as {file}")
     if policy.kind == "sequence":
         SequenceRunner(policy)  # refuses one that is not whole
     if ending == ".fmu":
@@ -58,13 +67,21 @@ def export_policy(
         model = policy_model(policy, plain=plain)
         return [build_fmu(model, fmi=fmi, platforms=platforms, target=out)]  # type: ignore[arg-type]
     if ending == ".py":
-        return _write_runner(policy, out, policy_path(source))
-    write: Callable[[Policy, Path], list[Path]]
+        return _write_runner(policy, out, path)
     if ending == ".onnx":
-        from uuvsim_cosim.learn.deployment.onnx import write_onnx as write
-    else:
-        write = _write_torch
-    return write(policy, out)
+        from uuvsim_cosim.learn.deployment.onnx import onnx_model
+
+        return [_written(out, onnx_model(policy, out))]
+    tensors = sequential(policy)
+    try:
+        import torch
+    except ModuleNotFoundError:
+        raise InputInvalid(
+            out, "torch is missing", "the extra rl, `pip install 'uuvsim-cosim[rl]'`"
+        ) from None
+    buffer = io.BytesIO()
+    torch.save({k: torch.from_numpy(v.copy()) for k, v in tensors.items()}, buffer)
+    return [_written(out, buffer.getvalue())]
 
 
 def policy_model(policy: Policy, *, plain: bool = False) -> Model:
@@ -177,45 +194,14 @@ def in_units(policy: Policy) -> Policy:
 # ---- inside ---------------------------------------------------------------------------------
 
 
-def _one(source: str | Path) -> Policy:
-    path = policy_path(source)
-    if path.is_file():
-        return Policy.load(path)
-    found = load_policies(path)
-    if len(found) != 1 or found[0].agent:  # of one agent, the folder has lost the others'
-        agents = ", ".join(p.agent for p in found)
-        file = next(p.name for p in sorted(path.glob("*.npz")))
-        raise InputInvalid(path, f"policies of {agents}", f"the file of one, as {file}")
-    return found[0]
-
-
-def _write_torch(policy: Policy, out: Path) -> list[Path]:
-    tensors = sequential(policy)
-    try:
-        import torch
-    except ModuleNotFoundError:
-        raise InputInvalid(
-            out, "torch is missing", "the extra rl, `pip install 'uuvsim-cosim[rl]'`"
-        ) from None
-    import io
-
-    buffer = io.BytesIO()
-    torch.save({k: torch.from_numpy(v.copy()) for k, v in tensors.items()}, buffer)
-    return [_written(out, buffer.getvalue())]
-
-
-def _begins(path: Path, text: str) -> bool:
-    try:
-        return text in path.read_text(encoding="utf-8").partition("\n")[0]
-    except (OSError, UnicodeDecodeError):
-        return False
-
-
 def _write_runner(policy: Policy, out: Path, source: Path) -> list[Path]:
     from uuvsim_cosim.learn.policies import runner, runner_sequence
 
-    head = (runner.__doc__ or "").splitlines()[0]
-    if not _begins(out, head):
+    try:
+        first = out.read_text(encoding="utf-8").partition("\n")[0]
+    except (OSError, UnicodeDecodeError):
+        first = ""
+    if (runner.__doc__ or "").splitlines()[0] not in first:
         for path in (out, out.with_suffix(".npz")):
             if path.exists() and path.resolve() != source.resolve():
                 raise InputInvalid(

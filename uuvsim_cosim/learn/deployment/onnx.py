@@ -14,37 +14,23 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from uuvsim_cosim.cache import write_whole
 from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.learn.policies.policy import Policy
 
-__all__ = ["write_onnx"]
+__all__ = ["onnx_model"]
 
 OPSET = 17
 Port = tuple[str, int, list[object]]  # name, element type, shape
 
 
-def write_onnx(policy: Policy, out: Path) -> list[Path]:
-    """Write a policy; raises InputInvalid without onnx."""
+def onnx_model(policy: Policy, place: Path) -> bytes:
+    """Return a policy's model; raises InputInvalid for the file `place` without onnx."""
     try:
         import onnx
     except ModuleNotFoundError:
         raise InputInvalid(
-            out, "onnx is missing", "the extra rl, `pip install 'uuvsim-cosim[rl]'`"
+            place, "onnx is missing", "the extra rl, `pip install 'uuvsim-cosim[rl]'`"
         ) from None
-    model = _model(onnx, policy)
-    onnx.checker.check_model(model, full_check=True)
-    try:
-        out.parent.mkdir(parents=True, exist_ok=True)
-        write_whole(out, model.SerializeToString(deterministic=True))
-    except OSError as error:
-        raise InputInvalid(
-            out, f"cannot be written ({error.strerror})", "a folder that can be written"
-        ) from error
-    return [out]
-
-
-def _model(onnx: Any, policy: Policy) -> Any:
     make, number, count = onnx.helper, onnx.TensorProto.FLOAT, onnx.TensorProto.INT64
     graph, properties = _Graph(make), {"task": policy.task}
     takes: list[Port] = [("observation", number, ["n", len(policy.observation)])]
@@ -74,7 +60,9 @@ def _model(onnx: Any, policy: Policy) -> Any:
              "observation": ", ".join(o.name for o in policy.observation),
              "action": ", ".join(a.name for a in policy.action)}  # fmt: skip
     make.set_model_props(model, properties)
-    return model
+    onnx.checker.check_model(model, full_check=True)
+    content: bytes = model.SerializeToString(deterministic=True)
+    return content
 
 
 class _Graph:

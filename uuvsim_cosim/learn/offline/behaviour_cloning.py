@@ -7,9 +7,10 @@ from typing import final
 
 import torch
 
+from uuvsim_cosim.learn.algorithms.gradients import descend
 from uuvsim_cosim.learn.algorithms.stacked import StackedMLP
 from uuvsim_cosim.learn.data.dataset import Dataset
-from uuvsim_cosim.learn.offline.offline_parts import OfflineSettings, Rows, descend, policy_of
+from uuvsim_cosim.learn.offline.offline_parts import OfflineSettings, Rows, policy_of
 from uuvsim_cosim.learn.policies.policy import Policy
 
 __all__ = ["BcSettings", "BehaviourCloning"]

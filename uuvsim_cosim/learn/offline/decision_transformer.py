@@ -20,10 +20,10 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor, nn
 
+from uuvsim_cosim.learn.algorithms.gradients import descend
 from uuvsim_cosim.learn.data.dataset import Dataset
 from uuvsim_cosim.learn.offline.offline_parts import (
     OfflineSettings,
-    descend,
     normalisation,
     policy_of,
 )

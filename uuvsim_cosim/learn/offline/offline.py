@@ -18,10 +18,10 @@ from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.learn.data.dataset import Dataset
 from uuvsim_cosim.learn.data.dataset_files import read_dataset
 from uuvsim_cosim.learn.policies.policy import Named, Policy
-from uuvsim_cosim.learn.shared.errors import LearningDiverged
-from uuvsim_cosim.learn.shared.extras import check_torch
+from uuvsim_cosim.learn.shared.errors import LearningDiverged, check_torch
 from uuvsim_cosim.learn.shared.task_ids import make_task, short_name
 from uuvsim_cosim.learn.training.rollout import Rollout
+from uuvsim_cosim.learn.training.train import one_thread
 from uuvsim_cosim.models.declaration.near_names import expected_names
 
 if TYPE_CHECKING:
@@ -36,6 +36,7 @@ OFFLINE = {
     "iql": "implicit Q-learning",
     "dt": "decision transformer",
 }
+_SHARES = ("gamma", "tau", "expectile", "wanted")  # settings in [0, 1]
 EVERY = 100  # updates, between rows of losses.csv
 
 
@@ -87,22 +88,19 @@ def train_offline(
     place = Path("runs") / "train" / name if folder is None else Path(folder).expanduser()
     if place.exists() and (not place.is_dir() or any(place.iterdir())):
         raise InputInvalid(place, "holds other things", "an empty or a new folder")
-    import torch
-
-    threads = torch.get_num_threads()
-    torch.set_num_threads(1)
     began, rows, recent, done = time.process_time(), [], [], 0
     interrupted = False
     try:
-        while done < chosen.steps:
-            recent.append(learner.update())
-            done += 1
-            if done % EVERY == 0 or done == chosen.steps:
-                row = {k: float(np.mean([x[k] for x in recent])) for k in recent[0]}
-                rows.append({"updates": done, **row})
-                recent = []
-                if progress is not None:
-                    progress(done, chosen.steps, row)
+        with one_thread():
+            while done < chosen.steps:
+                recent.append(learner.update())
+                done += 1
+                if done % EVERY == 0 or done == chosen.steps:
+                    row = {k: float(np.mean([x[k] for x in recent])) for k in recent[0]}
+                    rows.append({"updates": done, **row})
+                    recent = []
+                    if progress is not None:
+                        progress(done, chosen.steps, row)
     except KeyboardInterrupt:
         interrupted = True
     except LearningDiverged as diverged:
@@ -110,8 +108,6 @@ def train_offline(
         raise diverged.saying(
             algorithm, f"what was before, of {done} updates, is in {kept}"
         ) from None
-    finally:
-        torch.set_num_threads(threads)
     policy = _described(learner, given, chosen, seed, done)
     _write(place, policy, rows)
     last = {k: v for k, v in rows[-1].items() if k != "updates"} if rows else {}
@@ -140,7 +136,22 @@ def offline_learner(
         "dt": (DecisionTransformer, DtSettings),
     }
     make, form = makers[algorithm]
-    chosen = form(**_checked(algorithm, settings, form))
+    hints = {f.name: get_type_hints(form)[f.name] for f in fields(form)}
+    given: dict[str, float] = {}
+    for name, value in settings.items():
+        if name not in hints:
+            raise InputInvalid(f"{algorithm}, setting {name!r}", expected_names(name, hints))
+        whole = hints[name] is int
+        least, most = (1, 10**9) if whole else (0.0, 1.0 if name in _SHARES else 1e6)
+        if (
+            not isinstance(value, int | float)
+            or isinstance(value, bool)
+            or ((whole and value != int(value)) or not least <= value <= most)
+        ):
+            expected = "a whole number from 1" if whole else f"a number, {least:g} … {most:g}"
+            raise InputInvalid(f"{algorithm}, {name} {value!r}", expected)
+        given[name] = hints[name](value)
+    chosen = form(**given)
     if algorithm == "dt" and chosen.hidden % chosen.heads:
         raise InputInvalid(f"dt, heads {chosen.heads}: expected a divisor of hidden, "
                            f"{chosen.hidden}")  # fmt: skip
@@ -187,7 +198,7 @@ def _space(named: Sequence[Named]) -> str:
 
 def _described(learner: OfflineLearner, data: Dataset, chosen: Any, seed: int, done: int) -> Policy:
     """Return the policy, with the algorithm, settings and data that it was learned from."""
-    return learner.policy().told(
+    return learner.policy().with_training(
         algorithm=learner.name, seed=seed, updates=done, settings=asdict(chosen),
         dataset={"episodes": len(data.episodes), "return": float(data.returns.mean()),
                  **data.told},
@@ -208,22 +219,3 @@ def _write(place: Path, policy: Policy, rows: list[dict[str, float]]) -> Path:
         return policy.save(place / "policy.npz")
     except OSError as error:
         raise InputInvalid(f"{place}: cannot be written ({error.strerror})") from None
-
-
-_SHARES = ("gamma", "tau", "expectile", "wanted")
-
-
-def _checked(algorithm: str, settings: Mapping[str, Any], form: type[Any]) -> dict[str, float]:
-    hints = get_type_hints(form)
-    given: dict[str, float] = {}
-    for name, value in settings.items():
-        if name not in hints or name not in {f.name for f in fields(form)}:
-            raise InputInvalid(f"{algorithm}, setting {name!r}", expected_names(name, hints))
-        number = isinstance(value, int | float) and not isinstance(value, bool)
-        whole = hints[name] is int
-        least, most = (1, 10**9) if whole else (0.0, 1.0 if name in _SHARES else 1e6)
-        if not number or (whole and value != int(value)) or not least <= value <= most:
-            what = "a whole number from 1" if whole else f"a number, {least:g} … {most:g}"
-            raise InputInvalid(f"{algorithm}, {name} {value!r}", what)
-        given[name] = hints[name](value)
-    return given

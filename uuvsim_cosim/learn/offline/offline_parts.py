@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -11,12 +10,10 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from uuvsim_cosim.learn.algorithms.gradients import check_gradients
 from uuvsim_cosim.learn.data.dataset import Dataset
 from uuvsim_cosim.learn.policies.policy import Kind, Policy
-from uuvsim_cosim.learn.shared.errors import LearningDiverged
 
-__all__ = ["OfflineSettings", "Rows", "descend", "normalisation", "policy_of"]
+__all__ = ["OfflineSettings", "Rows", "normalisation", "policy_of"]
 
 Array = NDArray[np.float32]
 
@@ -60,18 +57,6 @@ def normalisation(rows: Array) -> tuple[Array, Array]:
     spread = rows.std(axis=0, dtype=np.float64)
     scale = np.where(spread > 1e-3, 1.0 / np.maximum(spread, 1e-3), 1.0)
     return rows.mean(axis=0, dtype=np.float64).astype(np.float32), scale.astype(np.float32)
-
-
-def descend(algorithm: str, name: str, adam: torch.optim.Optimizer, loss: Tensor) -> float:
-    """Make a gradient step; raises LearningDiverged for NaN, before anything is changed."""
-    value = float(loss.detach())
-    if not math.isfinite(value):
-        raise LearningDiverged(algorithm, name, value)
-    adam.zero_grad(set_to_none=True)
-    loss.backward()  # type: ignore[no-untyped-call]
-    check_gradients(algorithm, name, adam.param_groups[0]["params"])
-    adam.step()
-    return value
 
 
 def policy_of(

@@ -23,7 +23,7 @@ __all__ = ["Anticipating"]
 
 Array = NDArray[np.float64]
 PIECES = 8  # integration steps of the prediction in an action step
-SIGMA, SIGMA_TARGET = 0.007, 0.05  # m, of a position; m/s, how unsure the target's first speed is
+SIGMA = 0.007  # m, of a position
 # (m/s2)2 s: a target at 0.15 m/s whose yaw rate wanders by 0.4 rad/s for 2 s at a time
 Q_TARGET = 2.0 * 2.0 * (0.15 * 0.4) ** 2
 TRUST = 0.6  # weight of a measured own position; the rest is dead reckoning
@@ -79,27 +79,29 @@ class Anticipating:
         self._speeds.append(nu)
         psi = np.arctan2(o[:, 3], o[:, 2])
         there = o[:, :2] * self.half  # as it was `seen` ago
-        target = there + _turned(psi, o[:, 9:11])
-        pose = np.column_stack([self._filtered(there, psi), psi])
-        p_T, v_T = self._tracked(target)
-        speed = o[:, 7] * self.v
-        pose, u, r = self._carried(pose, nu, speed)
+        p_T, v_T = self._tracked(there + _turned(psi, o[:, 9:11]))
+        if self._own is not None:  # measurement and dead reckoning, weighted
+            moved = _turned(psi, self._before(self.seen + 0.5 * self.T)[:, :2]) * self.T
+            reckoned = self._own + moved
+            there = reckoned + TRUST * (there - reckoned)
+        self._own = there
+        pose, u, r = self._carried(np.column_stack([there, psi]), nu, o[:, 7] * self.v)
         p_T = p_T + (self.seen + self.acted) * v_T
-        ahead = self._observation(o, pose, u, r, p_T, v_T)
+
+        psi, ahead = pose[:, 2], o.copy()
+        ahead[:, :2] = pose[:, :2] / self.half
+        ahead[:, 2], ahead[:, 3] = np.cos(psi), np.sin(psi)
+        if self.acted > 0.0:
+            ahead[:, 4], ahead[:, 6] = u / self.v, r
+            ahead[:, 7] = u / self.v
+        away = _turned(-psi, p_T - pose[:, :2])
+        ahead[:, 9:11], ahead[:, 11] = away, np.hypot(away[:, 0], away[:, 1])
+        ahead[:, 12:14] = _turned(-psi, v_T) / self.v  # over an action, in strides of v T
         action = np.asarray(self.act(np.clip(ahead, -self.limits, self.limits)), float)
         self._sent.append(action)
         return action
 
     # ---- inside -----------------------------------------------------------------------------
-
-    def _filtered(self, there: Array, psi: Array) -> Array:
-        """Return the own position `seen` ago: measurement and dead reckoning, weighted."""
-        if self._own is not None:
-            moved = _turned(psi, self._before(self.seen + 0.5 * self.T)[:, :2]) * self.T
-            reckoned = self._own + moved
-            there = reckoned + TRUST * (there - reckoned)
-        self._own = there
-        return there
 
     def _before(self, late: float) -> Array:
         """Return u, v, r of `late` [s] ago, between the times of observations."""
@@ -130,8 +132,7 @@ class Anticipating:
         """Predict pose, u and r when the next action arrives, from the pose of `seen` ago."""
         x, psi = pose[:, :2].copy(), pose[:, 2].copy()
         h = self.T / PIECES
-        steps = round(self.seen / h)
-        for k in range(steps):  # speeds that were measured since then
+        for k in range(round(self.seen / h)):  # speeds that were measured since then
             at = self._before(self.seen - (k + 0.5) * h)
             x += h * _turned(psi + 0.5 * h * at[:, 2], at[:, :2])
             psi += h * at[:, 2]
@@ -149,22 +150,6 @@ class Anticipating:
             psi += h * mean
             r = r_new
         return np.column_stack([x, psi]), u, r
-
-    def _observation(
-        self, o: Array, pose: Array, u: Array, r: Array, p_T: Array, v_T: Array
-    ) -> Array:
-        psi = pose[:, 2]
-        away = _turned(-psi, p_T - pose[:, :2])
-        moved = _turned(-psi, v_T) / self.v  # over an action, in strides of v T
-        new = o.copy()
-        new[:, :2] = pose[:, :2] / self.half
-        new[:, 2], new[:, 3] = np.cos(psi), np.sin(psi)
-        if self.acted > 0.0:
-            new[:, 4], new[:, 6] = u / self.v, r
-            new[:, 7] = u / self.v
-        new[:, 9:11], new[:, 11] = away, np.hypot(away[:, 0], away[:, 1])
-        new[:, 12:14] = moved
-        return new
 
 
 def _turned(psi: Array, v: Array) -> Array:

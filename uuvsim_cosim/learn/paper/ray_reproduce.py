@@ -9,10 +9,8 @@ from pathlib import Path
 
 from uuvsim_cosim.cluster.ray_cluster import Cluster
 from uuvsim_cosim.errors import UuvsimError
-from uuvsim_cosim.learn.paper.reproduce import keys_of, lacking, reproduce_one
-from uuvsim_cosim.learn.paper.results import Key, is_kept
-from uuvsim_cosim.learn.paper.results_archive import kept
-from uuvsim_cosim.learn.paper.shared_beginnings import begun
+from uuvsim_cosim.learn.paper.reproduce import begun, keys_of, lacking, reproduce_one
+from uuvsim_cosim.learn.paper.results import Key, is_kept, kept
 from uuvsim_cosim.learn.paper.transfer_runs import (
     CONDITIONS,
     WAYS,
@@ -20,8 +18,13 @@ from uuvsim_cosim.learn.paper.transfer_runs import (
     run_transfer,
 )
 from uuvsim_cosim.learn.paper.ways import Budget, Chain, place_of
-from uuvsim_cosim.learn.shared.files import read_files, write_files
-from uuvsim_cosim.learn.training.ray_training import SECONDS, changed_files, clock
+from uuvsim_cosim.learn.training.ray_training import (
+    SECONDS,
+    changed_files,
+    clock,
+    read_files,
+    write_files,
+)
 from uuvsim_cosim.learn.training.train import one_thread
 
 __all__ = ["reproduce_on", "transfers_on"]
@@ -56,9 +59,8 @@ def reproduce_on(
 
     Results and checkpoints are returned to this machine after every `seconds`.
     """
-    before = {k for c, s in lacking(results, figure, budget, seeds) for k in keys_of(c, budget, s)}
-    before = {k for k in before if not is_kept(results, k)}
     missing = lacking(results, figure, budget, seeds)
+    keys = {k for c, s in missing for k in keys_of(c, budget, s) if not is_kept(results, k)}
 
     def piece(k: int) -> _Piece:
         chain, seed = missing[k]
@@ -83,15 +85,7 @@ def reproduce_on(
         ended += done
         if progress is not None:
             progress("training", ended, len(missing))
-    return sorted(k for k in before if is_kept(results, k))
-
-
-@dataclass(frozen=True)
-class _Transfer:
-    name: str
-    seed: int
-    conditions: tuple[str, ...]
-    episodes: int
+    return sorted(k for k in keys if is_kept(results, k))
 
 
 def transfers_on(
@@ -106,7 +100,7 @@ def transfers_on(
 ) -> list[str]:
     """Run the missing results of figure 11, as `run_transfers`; each way and seed is one piece."""
     missing = lacking_transfers(seeds, results, ways)
-    pieces = [_Transfer(name, seed, conditions, episodes) for name, seed in missing]
+    pieces = [(name, seed, conditions, episodes) for name, seed in missing]
     ran = []
     for k, files in cluster.spread(_transferred, pieces):
         write_files(results, files)
@@ -116,12 +110,11 @@ def transfers_on(
     return sorted(ran)
 
 
-def _transferred(piece: _Transfer) -> Mapping[str, bytes]:
+def _transferred(piece: tuple[str, int, tuple[str, ...], int]) -> Mapping[str, bytes]:
+    name, seed, conditions, episodes = piece
     with tempfile.TemporaryDirectory(prefix="uuvsim-") as temporary, one_thread():
-        file = run_transfer(
-            piece.name, piece.seed, Path(temporary) / RESULTS, Path(temporary) / PLACE,
-            conditions=piece.conditions, episodes=piece.episodes,
-        )  # fmt: skip
+        places = Path(temporary) / RESULTS, Path(temporary) / PLACE
+        file = run_transfer(name, seed, *places, conditions=conditions, episodes=episodes)
         return {file.name: file.read_bytes()}
 
 

@@ -1,13 +1,20 @@
-"""Results of a run of the benchmark: numbers, the learning curve, an episode, policies."""
+"""Results of a run of the benchmark: numbers, the learning curve, an episode, policies.
+
+A run writes its results as files, each whole or not at all, so that several runs can work at the
+same time and any can be killed. `pack` moves them into an archive, one Parquet file. A file beside
+the archive takes precedence over its row there.
+"""
 
 from __future__ import annotations
 
 import csv
 import io
 import json
+import os
 import shutil
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -21,13 +28,136 @@ from uuvsim_cosim.envs.tasks import scripted
 from uuvsim_cosim.envs.tasks.evaluation import evaluate
 from uuvsim_cosim.envs.tasks.scripted import scripted_policy
 from uuvsim_cosim.errors import InputInvalid
-from uuvsim_cosim.learn.paper.results_archive import Key, kept, keys_of_budget
-from uuvsim_cosim.learn.policies.policy import Policy
 from uuvsim_cosim.learn.shared.task_ids import make_task
 from uuvsim_cosim.learn.training.loading import acting_in, load_policies
 from uuvsim_cosim.learn.training.training_seeds import JUDGING_SEED
 
-__all__ = ["Key", "Result", "is_kept", "keep", "read_episode", "read_result", "read_results"]
+__all__ = [
+    "ARCHIVE",
+    "Kept",
+    "Key",
+    "Result",
+    "is_kept",
+    "keep",
+    "kept",
+    "keys_of_budget",
+    "pack",
+    "read_episode",
+    "read_result",
+    "read_results",
+]
+
+ARCHIVE = "results.parquet"
+_TEXTS = ("numbers", "curve", "episode")
+_ENDINGS = (".json", ".csv", ".episode.csv")
+
+
+@dataclass(frozen=True, order=True)
+class Key:
+    """The name of a run."""
+
+    budget: str
+    scenario: str
+    way: str  # "stt-masac"
+    seed: int
+
+    @property
+    def stem(self) -> str:
+        """The path of its files, without their ending."""
+        return f"{self.budget}/{self.scenario}/{self.way}-{self.seed}"
+
+
+@dataclass(frozen=True)
+class Kept:
+    """The files of a run, as text."""
+
+    place: str  # of the numbers, for messages
+    numbers: str  # JSON
+    curve: str | None  # CSV
+    episode: str | None  # CSV; of a task of one agent: none
+
+
+def kept(results: Path, key: Key) -> Kept | None:
+    """Return the files of a run, or None; raises InputInvalid if they cannot be read."""
+    paths = [results / f"{key.stem}{ending}" for ending in _ENDINGS]
+    try:
+        if not paths[0].is_file():
+            return _archived(results).get(key)
+        texts = [p.read_text(encoding="utf-8") if p.is_file() else None for p in paths]
+        if not paths[0].is_file():  # packed by another process, which deletes the numbers first
+            return _archived(results).get(key)
+    except (OSError, ValueError) as error:
+        raise InputInvalid(
+            paths[0], f"cannot be read ({error})", "a result of `uuvsim reproduce`"
+        ) from None
+    return Kept(str(paths[0]), texts[0] or "", *texts[1:])
+
+
+def keys_of_budget(results: Path, budget: str) -> Iterator[Key]:
+    """Yield the runs of a budget that have results, in order."""
+    found = {key for key in _archived(results) if key.budget == budget}
+    yield from sorted(found | set(_loose(results, budget)))
+
+
+def pack(results: Path) -> Path:
+    """Move the files of results into the archive; policies stay as files."""
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    budgets = [p.name for p in results.iterdir() if p.is_dir()] if results.is_dir() else []
+    loose = sorted(key for budget in budgets for key in _loose(results, budget))
+    every = dict(_archived(results))
+    for key in loose:
+        found = kept(results, key)
+        assert found is not None
+        every[key] = found
+    rows = [{**vars(key), **{n: getattr(every[key], n) for n in _TEXTS}} for key in sorted(every)]
+    sink = pa.BufferOutputStream()
+    schema = pa.schema([
+        ("budget", pa.string()), ("scenario", pa.string()), ("way", pa.string()),
+        ("seed", pa.int64()), *((n, pa.string()) for n in _TEXTS),
+    ])  # fmt: skip
+    pq.write_table(pa.Table.from_pylist(rows, schema), sink, compression="zstd")
+    path = results / ARCHIVE
+    write_whole(path, sink.getvalue().to_pybytes())
+    for key in loose:  # in the archive, whole, by now
+        for ending in _ENDINGS:
+            (results / f"{key.stem}{ending}").unlink(missing_ok=True)
+    return path
+
+
+def _loose(results: Path, budget: str) -> Iterator[Key]:
+    for path in sorted((results / budget).glob("*/*.json")):
+        way, _, seed = path.stem.rpartition("-")
+        if not way or not seed.isdigit():
+            raise InputInvalid(path, "no run's name", "WAY-SEED.json")
+        yield Key(budget, path.parent.name, way, int(seed))
+
+
+def _archived(results: Path) -> dict[Key, Kept]:
+    path = results / ARCHIVE
+    try:
+        stat = path.stat()
+    except FileNotFoundError:
+        return {}
+    return _read(path, stat.st_mtime_ns, stat.st_size)
+
+
+@lru_cache(maxsize=2)
+def _read(path: Path, *_: int) -> dict[Key, Kept]:
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    try:
+        rows = pq.read_table(os.fspath(path)).to_pylist()
+        keys = [Key(r["budget"], r["scenario"], r["way"], r["seed"]) for r in rows]
+        texts = [Kept("", *(r[n] for n in _TEXTS)) for r in rows]
+    except (OSError, KeyError, pa.ArrowException) as error:
+        raise InputInvalid(
+            path, f"{type(error).__name__}: {error}", "an archive of `uuvsim reproduce`"
+        ) from None
+    return {k: replace(t, place=f"{path}: {k.stem}") for k, t in zip(keys, texts, strict=True)}
+
 
 METRICS = ("track", "dist", "viol", "clean")
 
@@ -67,7 +197,13 @@ def keep(
     stem = results / key.stem
     stem.parent.mkdir(parents=True, exist_ok=True)
     shutil.copyfile(folder / "evaluations.csv", stem.with_name(f"{stem.name}.csv"))
-    for policy in _distinct(policies) if key.seed == 0 else ():
+    one = policies[0].tensors
+    if all(
+        p.tensors.keys() == one.keys() and all(np.array_equal(p.tensors[k], one[k]) for k in one)
+        for p in policies
+    ):
+        policies = [replace(policies[0], agent="")]  # equal ones are every agent's
+    for policy in policies if key.seed == 0 else ():
         name = f"{stem.name}{f'.{policy.agent}' if policy.agent else ''}.npz"
         replace(policy, options=dict(about["options"])).save(stem.with_name(name))
     if isinstance(task, TeamTask) and isinstance(acts, Mapping):
@@ -76,11 +212,14 @@ def keep(
         "uuvsim_result": 1,
         "version": __version__,
         **{k: about[k] for k in sorted(about)},
-        "episodes": {"return": _rounded(judged.returns),
-                     **{k: _rounded(judged.metrics[k]) for k in METRICS}},
-        "scripted": {"return": _rounded(yardstick.returns),
-                     **{k: _rounded(yardstick.metrics[k]) for k in METRICS}},
-    }  # fmt: skip
+        **{
+            name: {
+                k: [float(f"{v:.5g}") for v in values]
+                for k, values in (("return", e.returns), *((k, e.metrics[k]) for k in METRICS))
+            }
+            for name, e in (("episodes", judged), ("scripted", yardstick))
+        },
+    }
     # Last: `is_kept` takes this file as the sign that all others are there.
     write_whole(stem.with_name(f"{stem.name}.json"), (json.dumps(content) + "\n").encode())
     return read_result(results, key)
@@ -122,17 +261,6 @@ def read_episode(results: Path, key: Key) -> dict[str, NDArray[np.float64]]:
     return _columns(found.episode if found else None, f"{results / key.stem}: episode")
 
 
-def _distinct(policies: list[Policy]) -> Iterable[Policy]:
-    """Return the policies, or one for all agents if they are equal."""
-    first = policies[0]
-    same = all(
-        p.tensors.keys() == first.tensors.keys()
-        and all(np.array_equal(p.tensors[k], first.tensors[k]) for k in first.tensors)
-        for p in policies
-    )
-    return [replace(first, agent="")] if same else policies
-
-
 def _write_episode(path: Path, task: TeamTask, acts: Mapping[str, scripted.Policy]) -> None:
     """Write the first of the judged episodes: the state (5) after each action."""
     from uuvsim_cosim.envs.team_vector import CosimTeamVectorEnv
@@ -167,7 +295,3 @@ def _columns(text: str | None, place: str) -> dict[str, NDArray[np.float64]]:
             f"{type(error).__name__}: {error}",
             "a whole table, as `uuvsim reproduce` writes it",
         ) from None
-
-
-def _rounded(values: NDArray[np.float64]) -> list[float]:
-    return [float(f"{v:.5g}") for v in values]

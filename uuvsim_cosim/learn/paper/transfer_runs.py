@@ -12,7 +12,7 @@ import shutil
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Unpack
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,6 +30,7 @@ from uuvsim_cosim.learn.training.loading import acting_in, load_policies
 from uuvsim_cosim.learn.training.training_seeds import JUDGING_SEED
 
 if TYPE_CHECKING:
+    from uuvsim_cosim.learn.paper.reproduce import Hooks
     from uuvsim_cosim.learn.training.training import TrainingObserver
 
 __all__ = [
@@ -117,29 +118,17 @@ class Judged:
 
 
 def run_transfers(
-    seeds: int,
-    results: Path,
-    work: Path,
-    *,
-    observers: tuple[TrainingObserver, ...] = (),
-    interrupted: Callable[[], bool] | None = None,
-    begins: Callable[[str], None] | None = None,
-    ways: tuple[str, ...] = tuple(WAYS),
-    conditions: tuple[str, ...] = tuple(CONDITIONS),
-    episodes: int = 100,
-) -> list[str]:
+    seeds: int, results: Path, work: Path, *, ways: tuple[str, ...] = tuple(WAYS),
+    conditions: tuple[str, ...] = tuple(CONDITIONS), **hooks: Unpack[Hooks],
+) -> list[str]:  # fmt: skip
     """Train and judge the missing ways, seed by seed; returns their names, "dt-0".
 
     Raises KeyboardInterrupt if it is interrupted; the same call resumes.
     """
-    ran = []
-    for name, seed in lacking_transfers(seeds, results, ways):
-        run_transfer(
-            name, seed, results, work, observers=observers, interrupted=interrupted, begins=begins,
-            conditions=conditions, episodes=episodes,
-        )  # fmt: skip
-        ran.append(f"{name}-{seed}")
-    return ran
+    missing = lacking_transfers(seeds, results, ways)
+    for name, seed in missing:
+        run_transfer(name, seed, results, work, conditions=conditions, **hooks)
+    return [f"{name}-{seed}" for name, seed in missing]
 
 
 def lacking_transfers(
@@ -167,12 +156,7 @@ def run_transfer(
     episodes: int = 100,
 ) -> Path:
     """Train one way with one seed, judge it under each condition; returns the file of results."""
-    way = WAYS[name]
-
-    def report(text: str) -> None:
-        if begins is not None:
-            begins(text)
-
+    way, report = WAYS[name], begins or (lambda _: None)
     report(f"{way.words}, seed {seed}")
     policies, cpu = _learned(way, seed, work / f"{name}-{seed}", observers, interrupted)
     cells = {}
@@ -209,7 +193,7 @@ def read_transfers(results: Path) -> list[Judged]:
                 {k: np.array(v[name], float) for k, v in cells.items()}
                 for name in ("return", "track")
             )
-            if not all(np.isfinite(v).all() and v.size for v in (*returns.values(),)):
+            if not all(np.isfinite(v).all() and v.size for v in returns.values()):
                 raise ValueError("returns that are no numbers")
             means = {
                 k: {name: float(v[name]) for name in ("dist", "viol", "clean")}
@@ -238,30 +222,24 @@ def _learned(
         return [], 0.0
     finished = place / "cpu.json"  # written last
     if not finished.is_file():
-        learn = _in_the_task if way.steps else _from_data
-        cpu = learn(way, seed, place, observers, interrupted)
+        if way.steps:
+            from uuvsim_cosim.learn.training.train import train
+
+            cpu = train(
+                way.task, folder=place, algorithm=way.algorithm, seed=SEEDS_APART * seed, envs=64,
+                steps=way.steps, task_options=dict(way.options), evaluate_every=6_400,
+                tensorboard=False, settings={"updates": 4}, observers=observers,
+                interrupted=interrupted,
+            ).cpu  # fmt: skip
+        else:
+            cpu = _learned_from_data(way, seed, place, interrupted)
         write_whole(finished, json.dumps({"cpu": cpu}).encode())
     return load_policies(place), float(json.loads(finished.read_text())["cpu"])
 
 
-def _in_the_task(
-    way: Way, seed: int, place: Path, observers: tuple[TrainingObserver, ...],
-    interrupted: Callable[[], bool] | None,
-) -> float:  # fmt: skip
-    from uuvsim_cosim.learn.training.train import train
-
-    done = train(
-        way.task, folder=place, algorithm=way.algorithm, seed=SEEDS_APART * seed, envs=64,
-        steps=way.steps, task_options=dict(way.options), evaluate_every=6_400, tensorboard=False,
-        settings={"updates": 4}, observers=observers, interrupted=interrupted,
-    )  # fmt: skip
-    return done.cpu
-
-
-def _from_data(
-    way: Way, seed: int, place: Path, _: tuple[TrainingObserver, ...],
-    interrupted: Callable[[], bool] | None,
-) -> float:  # fmt: skip
+def _learned_from_data(
+    way: Way, seed: int, place: Path, interrupted: Callable[[], bool] | None
+) -> float:
     from uuvsim_cosim.learn.data.collect import collect
     from uuvsim_cosim.learn.offline.offline import train_offline
 

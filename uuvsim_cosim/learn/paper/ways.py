@@ -48,10 +48,6 @@ class Budget:
     of: Mapping[str, Mapping[str, object]] = field(default_factory=dict)  # settings, by scenario
     under: Mapping[str, Mapping[str, object]] = field(default_factory=dict)  # rules to learn under
 
-    def episodes(self, scenario: str) -> int:
-        """Return the episodes of 50 actions that its steps are."""
-        return self.steps[scenario] // 50
-
 
 BUDGETS = {
     b.name: b
@@ -162,45 +158,32 @@ def plan_of(chain: Chain, budget: Budget) -> Curriculum | dict[str, Any]:
 
     Without schooling, a curriculum of MASAC and SAC has one stage.
     """
+    tuned = chain.algorithm in TUNED
     scenarios = scenarios_of(chain, budget)
-    if chain.schooling == "stt" or chain.algorithm in TUNED:
-        stages = tuple(_stage(chain, budget, s) for s in scenarios)
-        return Curriculum(
-            chain.way, stages, algorithm=chain.algorithm,
-            settings=budget.settings if chain.algorithm in TUNED else {},
-            options={**budget.options}, envs=budget.envs,
-        )  # fmt: skip
-    (scenario,) = scenarios
-    return {
-        "algorithm": chain.algorithm, "envs": budget.envs,
-        "steps": _steps(chain, budget, scenario),
-        "evaluate_every": budget.evaluate_every[scenario],
-        "task_options": {**budget.options, **chain.options},
-    }  # fmt: skip
-
-
-# ---- inside -------------------------------------------------------------------------------
-
-
-def _stage(chain: Chain, budget: Budget, scenario: str) -> Stage:
-    options, under = options_of(chain, scenario), budget.under.get(scenario)
-    alone = scenario in ("source", "transition_1") or options.get("n_trackers") == 1
-    settings: dict[str, object] = {}
-    if chain.algorithm in TUNED:
-        settings = {**(budget.alone if alone else {}), **budget.of.get(scenario, {})}
-    if under:
-        options["rules"] = {**budget.options.get("rules", {}), **under}
-    return Stage(
-        _task(scenario), _steps(chain, budget, scenario), options, settings,
-        evaluate_every=budget.evaluate_every[scenario],
+    steps = dict(budget.steps)
+    if chain.label == "all_steps":  # the sum over all scenarios of the schooling
+        steps = dict.fromkeys(scenarios, sum(budget.steps[s] for s in SCENARIOS))
+    if chain.schooling != "stt" and not tuned:
+        (scenario,) = scenarios
+        return {
+            "algorithm": chain.algorithm, "envs": budget.envs, "steps": steps[scenario],
+            "evaluate_every": budget.evaluate_every[scenario],
+            "task_options": {**budget.options, **chain.options},
+        }  # fmt: skip
+    stages = []
+    for s in scenarios:
+        options, under = options_of(chain, s), budget.under.get(s)
+        alone = s in ("source", "transition_1") or options.get("n_trackers") == 1
+        settings = {**(budget.alone if alone else {}), **budget.of.get(s, {})} if tuned else {}
+        if under:
+            options["rules"] = {**budget.options.get("rules", {}), **under}
+        every = budget.evaluate_every[s]
+        stages.append(Stage(_task(s), steps[s], options, settings, evaluate_every=every))
+    return Curriculum(
+        chain.way, tuple(stages), algorithm=chain.algorithm,
+        settings=budget.settings if tuned else {}, options={**budget.options}, envs=budget.envs,
     )  # fmt: skip
 
 
 def _task(scenario: str) -> str:
     return "target" if scenario == CAREFUL else scenario
-
-
-def _steps(chain: Chain, budget: Budget, scenario: str) -> int:
-    if chain.label == "all_steps":  # the sum over all scenarios of the schooling
-        return sum(budget.steps[s] for s in SCENARIOS)
-    return budget.steps[scenario]

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uuvsim_cosim.envs.task.task import Task, TeamTask
-from uuvsim_cosim.learn.policies.sequence_runner import begin
+from uuvsim_cosim.learn.policies.policy import begin
 
 if TYPE_CHECKING:
     from uuvsim_cosim.envs.single import CosimEnv

@@ -11,15 +11,16 @@ import zipfile
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field, fields, replace
 from pathlib import Path
-from typing import Any, Literal, get_args
+from typing import Any, Literal, final, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
 from uuvsim_cosim.cache import write_whole
 from uuvsim_cosim.errors import InputInvalid
+from uuvsim_cosim.learn.policies.runner_sequence import Remembering
 
-__all__ = ["Named", "Policy", "network"]
+__all__ = ["Named", "Policy", "SequenceRunner", "begin", "network"]
 
 Array = NDArray[np.float32]
 Kind = Literal["tanh", "clip", "grid", "sequence"]
@@ -116,7 +117,7 @@ class Policy:
             x = np.tanh(x)
         return np.asarray(np.clip(x, -1.0, 1.0), np.float64)
 
-    def told(self, **trained: object) -> Policy:
+    def with_training(self, **trained: object) -> Policy:
         """Return the same policy with more entries of `trained`."""
         return replace(self, trained={**self.trained, **trained})
 
@@ -177,6 +178,61 @@ def network(
     return np.asarray(x, np.float32)
 
 
-def names_of(names: Sequence[str], low: Array, high: Array) -> tuple[Named, ...]:
-    """Pair names with limits."""
+def names_of(low: Array, high: Array, names: Sequence[str] = ()) -> tuple[Named, ...]:
+    """Pair names with limits; by default the names are "o[1]", "o[2]", …."""
+    names = names or [f"o[{i + 1}]" for i in range(len(low))]
     return tuple(Named(n, float(a), float(b)) for n, a, b in zip(names, low, high, strict=True))
+
+
+def begin(policy: object) -> None:
+    """Clear the memory of a policy that has one, at the start of episodes."""
+    if isinstance(policy, SequenceRunner):
+        policy.begin()
+
+
+@final
+class SequenceRunner:
+    """Acts as a policy of one observation does, and remembers; `begin` before new episodes.
+
+    The return to go falls by `reward` an action, since observations do not tell it. Raises
+    InputInvalid for a policy that is no decision transformer, or not all of one.
+    """
+
+    def __init__(self, policy: Policy) -> None:
+        seen, acts = len(policy.observation), len(policy.action)
+        try:
+            if policy.kind != "sequence":
+                raise ValueError(f"kind {policy.kind!r}")
+            self._acts = Remembering(policy.tensors, policy.settings)
+            if self._acts.widths[1:] != (seen, acts):
+                raise ValueError(f"{self._acts.widths[1:]} numbers for {(seen, acts)}")
+            if not np.all(np.isfinite(self._acts(np.zeros((1, seen))))):  # its tensors fit
+                raise ValueError("an action that is no number")
+        except (KeyError, ValueError, TypeError, IndexError, ZeroDivisionError) as error:
+            raise InputInvalid(
+                f"policy of {policy.task}",
+                error,
+                "a decision transformer, with its settings and tensors",
+            ) from None
+        self.policy = policy
+        self.begin()
+
+    def begin(self) -> None:
+        """Forget: the next observations are first ones."""
+        self._acts.begin()
+
+    def __call__(self, observation: NDArray[np.generic]) -> NDArray[np.float64]:
+        """Act on observations (n, width), one action after those before."""
+        o = np.asarray(observation, np.float32)
+        seen, before = len(self.policy.observation), self._acts.history
+        if o.ndim != 2 or o.shape[1] != seen:
+            raise InputInvalid(
+                f"policy of {self.policy.task}", f"observations of shape {o.shape}", f"(n, {seen})"
+            )
+        if before and len(before[0]) != len(o):
+            raise InputInvalid(
+                f"policy of {self.policy.task}",
+                f"{len(o)} episodes after {len(before[0])}",
+                "as many, or begin()",
+            )
+        return np.asarray(self._acts(o), np.float64)

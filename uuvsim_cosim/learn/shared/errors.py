@@ -1,10 +1,10 @@
-"""Errors of learning."""
+"""Errors of learning: divergence, and torch that is not installed."""
 
 from __future__ import annotations
 
-from uuvsim_cosim.errors import UuvsimError
+from uuvsim_cosim.errors import InputInvalid, UuvsimError
 
-__all__ = ["LearningDiverged"]
+__all__ = ["LearningDiverged", "check_torch"]
 
 
 class LearningDiverged(UuvsimError):
@@ -23,3 +23,13 @@ class LearningDiverged(UuvsimError):
     def saying(self, algorithm: str, kept: str) -> LearningDiverged:
         """Return the same error with the algorithm as the user named it, and what was kept."""
         return LearningDiverged(algorithm, self.name, self.value, kept)
+
+
+def check_torch() -> None:
+    """Raise InputInvalid where torch is not installed."""
+    try:
+        import torch  # noqa: F401
+    except ModuleNotFoundError as error:
+        raise InputInvalid(
+            f"{error}; learning expects torch: pip install 'uuvsim-cosim[rl]'"
+        ) from None

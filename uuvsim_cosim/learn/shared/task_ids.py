@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from typing import Any
 
 from uuvsim_cosim.envs.registration import SHIPPED
 from uuvsim_cosim.envs.task.argument_checks import refuse_options
@@ -36,7 +35,16 @@ def make_task(
     """
     from inspect import signature
 
-    make = _found(name)
+    from uuvsim_cosim.orchestrator.python.class_file import imported
+
+    module, colon, own = TASKS.get(name, name).rpartition(":")
+    if not colon:
+        raise InputInvalid(f"task {name!r}", "no such task", f"{expected_names(name, TASKS)}, {OR}")
+    if not module or not own.isidentifier():
+        raise InputInvalid(f"task {name!r}", "package.module:Name, or FILE.py:Name")
+    make: Callable[..., object] | None = getattr(imported(module, f"task {name!r}"), own, None)
+    if not callable(make):
+        raise InputInvalid(f"task {name!r}", f"no class {own!r} in {module}", "a task's")
     given = dict(options or {})
     if profile not in (None, "default"):
         from uuvsim_cosim.envs.tasks.target_tracking import TargetTracking
@@ -64,18 +72,3 @@ def make_task(
 def short_name(name: str) -> str:
     """Return a task's name as part of a folder's: without "uuvsim/", or a module's path."""
     return name.rpartition("/")[2].rpartition(":")[2]
-
-
-def _found(name: str) -> Callable[..., object]:
-    from uuvsim_cosim.orchestrator.python.class_file import imported
-
-    place = TASKS.get(name, name)
-    module, colon, own = place.rpartition(":")
-    if not colon:
-        raise InputInvalid(f"task {name!r}", "no such task", f"{expected_names(name, TASKS)}, {OR}")
-    if not module or not own.isidentifier():
-        raise InputInvalid(f"task {name!r}", "package.module:Name, or FILE.py:Name")
-    found: Callable[..., Any] | None = getattr(imported(module, f"task {name!r}"), own, None)
-    if not callable(found):
-        raise InputInvalid(f"task {name!r}", f"no class {own!r} in {module}", "a task's")
-    return found

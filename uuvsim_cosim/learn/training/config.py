@@ -9,7 +9,7 @@ from typing import Any
 
 from uuvsim_cosim.envs.tasks.tracking_rules import PROFILES
 from uuvsim_cosim.errors import InputInvalid
-from uuvsim_cosim.learn.algorithms.registry import ALGORITHMS
+from uuvsim_cosim.learn.algorithms.registry import ALGORITHMS, check_settings
 from uuvsim_cosim.learn.shared.task_ids import TASKS, short_name
 from uuvsim_cosim.learn.training.training_seeds import EVALUATION_SEED, MOST_ENVS
 from uuvsim_cosim.models.declaration.near_names import expected_names
@@ -66,18 +66,10 @@ def problems_of(config: TrainingConfig) -> list[tuple[str, object, str]]:
     found: list[tuple[str, object, str]] = []
     if not isinstance(config.task, str) or (config.task not in TASKS and ":" not in config.task):
         found.append(("task", config.task, f"expected {expected_names(config.task, TASKS)}"))
-    if config.algorithm is not None and config.algorithm not in ALGORITHMS:
-        found.append(
-            (
-                "algorithm",
-                config.algorithm,
-                f"expected {expected_names(config.algorithm, ALGORITHMS)}",
-            )
-        )
-    if config.profile not in PROFILES:
-        found.append(
-            ("profile", config.profile, f"expected {expected_names(config.profile, PROFILES)}")
-        )
+    for name, known in (("algorithm", ALGORITHMS), ("profile", PROFILES)):
+        value = getattr(config, name)
+        if value not in known and not (name == "algorithm" and value is None):
+            found.append((name, value, f"expected {expected_names(value, known)}"))
     limits = {
         "seed": (0, EVALUATION_SEED - 1),
         "envs": (1, MOST_ENVS),
@@ -122,27 +114,16 @@ def read_config(path: str | Path, **changes: Any) -> TrainingConfig:
     for name, value, problem in problems_of(probe):
         if name in given:
             text.wrong([name], f"{shown(value)}; {problem}")
-    _check_settings(text, given, changes)
+    algorithm, settings = changes.get("algorithm") or given.get("algorithm"), given.get("settings")
+    if algorithm in ALGORITHMS and isinstance(settings, Mapping):
+        for key, value in settings.items():
+            try:
+                check_settings(ALGORITHMS[algorithm], {key: value})
+            except InputInvalid as error:
+                text.wrong(["settings", key], str(error))
     text.refuse()
     added = {k: changes.pop(k, {}) for k in ("task_options", "settings")}
     return TrainingConfig(**{**given, **changes}).changed(**added)
-
-
-def _check_settings(
-    text: YamlText, given: Mapping[str, object], changes: Mapping[str, object]
-) -> None:
-    """Report unknown or invalid settings of the algorithm, with their lines."""
-    from uuvsim_cosim.learn.algorithms.registry import check_settings
-
-    name = changes.get("algorithm") or given.get("algorithm")
-    settings = given.get("settings")
-    if name not in ALGORITHMS or not isinstance(settings, Mapping):
-        return
-    for key, value in settings.items():
-        try:
-            check_settings(ALGORITHMS[name], {key: value})
-        except InputInvalid as error:
-            text.wrong(["settings", key], str(error))
 
 
 def merged(old: Mapping[str, object], new: Mapping[str, object]) -> dict[str, object]:

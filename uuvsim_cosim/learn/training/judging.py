@@ -1,8 +1,12 @@
-"""Judgement of policies on seeds used for nothing else: means with bootstrap intervals."""
+"""Judgement of policies on seeds used for nothing else: means with bootstrap intervals.
+
+Several policies are evaluated in parts, in this process or, with equal bits, on a cluster.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,10 +15,14 @@ from uuvsim_cosim.envs.task.task import Task, TeamTask
 from uuvsim_cosim.envs.tasks.evaluation import Evaluation, evaluate
 from uuvsim_cosim.envs.tasks.scripted import Policies, scripted_policy
 from uuvsim_cosim.errors import InputInvalid
+from uuvsim_cosim.learn.shared.task_ids import make_task
 from uuvsim_cosim.learn.training.statistics import Interval, interquartile_mean, interval
 from uuvsim_cosim.learn.training.training_seeds import JUDGING_SEED
 
-__all__ = ["judge", "judge_scripted", "judged"]
+if TYPE_CHECKING:
+    from uuvsim_cosim.cluster.ray_cluster import Cluster
+
+__all__ = ["AT_ONCE", "evaluate_all", "judge", "judge_scripted", "judged"]
 
 DRAWS = 1000
 
@@ -60,3 +68,51 @@ def judged(evaluations: Sequence[Evaluation]) -> dict[str, Interval]:
     found = {k: interval(v, lambda x: float(x.mean()), draws=DRAWS) for k, v in values.items()}
     iqm = {"return iqm": interval(returns, interquartile_mean, draws=DRAWS)}
     return {"return": found.pop("return"), **iqm, **found}
+
+
+AT_ONCE = 256  # episodes side by side; fixed, as a matrix product's bits depend on its shape
+
+
+_Part = tuple[str, Mapping[str, object], Policies, int, int]  # of task and policy, seed, episodes
+
+
+def evaluate_all(
+    name: str,
+    options: Mapping[str, object],
+    policies: Mapping[str, Policies],
+    episodes: int,
+    seed: int,
+    *,
+    cluster: Cluster | None = None,
+    progress: Callable[[str, float, float], None] | None = None,
+) -> dict[str, Evaluation]:
+    """Return an Evaluation of each policy (as `evaluate` takes them); all on the same seeds.
+
+    "random" is one part, since its random numbers continue from episode to episode.
+    """
+    parts, owners = [], []
+    for who, acts in policies.items():
+        size = episodes if who == "random" else AT_ONCE
+        for first in range(0, episodes, size):
+            parts.append((name, options, acts, seed + first, min(size, episodes - first)))
+            owners.append(who)
+    came = cluster.spread(_evaluate, parts) if cluster else enumerate(map(_evaluate, parts))
+    found: dict[int, Evaluation] = {}
+    for k, evaluation in came:
+        found[k] = evaluation
+        if progress is not None:
+            progress("evaluating", len(found), len(parts))
+    joined = {}
+    for who in policies:
+        own = [found[k] for k in range(len(parts)) if owners[k] == who]
+        joined[who] = Evaluation(
+            np.concatenate([e.returns for e in own]),
+            np.concatenate([e.seconds for e in own]),
+            {k: np.concatenate([e.metrics[k] for e in own]) for k in own[0].metrics},
+        )
+    return joined
+
+
+def _evaluate(part: _Part) -> Evaluation:
+    name, options, acts, seed, episodes = part
+    return evaluate(make_task(name, options), acts, episodes, seed=seed)

@@ -13,11 +13,10 @@ from numpy.typing import NDArray
 from uuvsim_cosim.content import content
 from uuvsim_cosim.envs.task.task import Task, TeamTask
 from uuvsim_cosim.errors import InputInvalid
-from uuvsim_cosim.learn.policies.policy import Policy
-from uuvsim_cosim.learn.policies.sequence_runner import SequenceRunner
+from uuvsim_cosim.learn.policies.policy import Policy, SequenceRunner
 from uuvsim_cosim.learn.shared.task_ids import TASKS, make_task
 from uuvsim_cosim.learn.training.agents import agents_of, widths
-from uuvsim_cosim.learn.training.curriculum_folder import ABOUT, last_done
+from uuvsim_cosim.learn.training.folders import CURRICULUM, last_done
 from uuvsim_cosim.models.declaration.near_names import expected_names
 
 if TYPE_CHECKING:
@@ -36,7 +35,7 @@ def policy_path(given: str | Path) -> Path:
     there is none of these.
     """
     path = Path(given).expanduser()
-    if (path / ABOUT).is_file():
+    if (path / CURRICULUM).is_file():
         return last_done(path)
     if path.exists():
         return path
@@ -46,10 +45,8 @@ def policy_path(given: str | Path) -> Path:
     raise InputInvalid(
         given,
         "no such file or folder",
-        (
-            "a policy (.npz), a training's folder, or "
-            f"{expected_names(given, ships, 'one that ships')}"
-        ),
+        "a policy (.npz), a training's folder, or "
+        f"{expected_names(given, ships, 'one that ships')}",
     )
 
 
@@ -103,8 +100,17 @@ def acting_in(task: Task | TeamTask, policies: Sequence[Policy], name: str) -> P
         return _act(policies[0])
     agents = agents_of(task)
     lacking = [agent for agent in agents if agent not in named]
-    if lacking and "" not in named:
-        _refuse_part_of_a_team(policies, lacking, name)
+    if lacking and "" not in named:  # fine only if they are of the whole team that learned
+        first, team = policies[0], lacking
+        if first.task == name or first.task in TASKS:  # do not import foreign code for a message
+            team = list(agents_of(make_task(first.task, first.options)))
+        missing = [agent for agent in team if agent not in named]
+        if missing:
+            raise InputInvalid(
+                f"policies of {', '.join(p.agent for p in policies)} alone, none of "
+                f"{', '.join(missing)}",
+                f"a file of each agent beside the others, as best-{missing[0]}.npz",
+            )
     return {
         agent: _act(named.get(agent, policies[i % len(policies)])) for i, agent in enumerate(agents)
     }
@@ -129,19 +135,3 @@ def _team(folder: Path, begins: str) -> list[Policy]:
     """Read the files of a team: those whose names are `begins` and the agent's name."""
     found = [(file, Policy.load(file)) for file in sorted(folder.glob(f"{escape(begins)}*.npz"))]
     return [p for file, p in found if p.agent and file.stem == f"{begins}{p.agent}"]
-
-
-def _refuse_part_of_a_team(policies: Sequence[Policy], lacking: Sequence[str], name: str) -> None:
-    """Raise InputInvalid unless the policies are of every agent of the team that learned."""
-    first, team = policies[0], list(lacking)
-    if first.task == name or first.task in TASKS:  # do not import foreign code for a message
-        team = list(agents_of(make_task(first.task, first.options)))
-    missing = [agent for agent in team if agent not in {p.agent for p in policies}]
-    if missing:
-        raise InputInvalid(
-            (
-                f"policies of {', '.join(p.agent for p in policies)} alone, none of "
-                f"{', '.join(missing)}"
-            ),
-            f"a file of each agent beside the others, as best-{missing[0]}.npz",
-        )

@@ -13,16 +13,16 @@ from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 
+from uuvsim_cosim.cache import write_whole
 from uuvsim_cosim.cluster.ray_cluster import Cluster
-from uuvsim_cosim.errors import UuvsimError
-from uuvsim_cosim.learn.shared.files import read_files, write_files
+from uuvsim_cosim.errors import InputInvalid, UuvsimError
 from uuvsim_cosim.learn.shared.task_ids import make_task
 from uuvsim_cosim.learn.training.config import TrainingConfig
-from uuvsim_cosim.learn.training.folder_lock import locked, refuse_other, write_owner
+from uuvsim_cosim.learn.training.folders import locked, refuse_other, write_owner
 from uuvsim_cosim.learn.training.interruption import TrainingInterrupted
 from uuvsim_cosim.learn.training.train import Trained, one_thread, resolved, training_of
 
-__all__ = ["ALIKE", "SECONDS", "changed_files", "clock", "train_on"]
+__all__ = ["ALIKE", "SECONDS", "changed_files", "clock", "read_files", "train_on", "write_files"]
 
 ALIKE = ("torch", "stable-baselines3")  # libraries whose versions decide the bits
 SECONDS = 60.0  # of a piece, and what is lost with a worker at most
@@ -131,3 +131,31 @@ def _advance(given: tuple[TrainingConfig, str, Mapping[str, bytes], float]) -> A
             training.close()
         changed = changed_files(place, files)
         return Advanced(changed, training.step, done, rows, training.cpu, training.note)
+
+
+NOT_SENT = (".in_use", "events.out.tfevents")
+LAST = (".pt", ".json")  # refer to other files, which must exist before them
+
+
+def read_files(folder: Path) -> dict[str, bytes]:
+    """Return the files of a folder, and of those in it, by path; none, where it is not there."""
+    return {
+        path.relative_to(folder).as_posix(): path.read_bytes()
+        for path in sorted(folder.rglob("*"))
+        if path.is_file() and not path.name.startswith(NOT_SENT)
+    }
+
+
+def write_files(folder: Path, files: Mapping[str, bytes]) -> None:
+    """Write files, each whole or not at all; checkpoints and JSON files last."""
+
+    def when(name: str) -> int:
+        return next((i + 1 for i, end in enumerate(LAST) if name.endswith(end)), 0)
+
+    for name in sorted(files, key=when):
+        path = folder / name
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            write_whole(path, files[name])
+        except OSError as error:
+            raise InputInvalid(f"{path}: cannot be written ({error.strerror})") from None

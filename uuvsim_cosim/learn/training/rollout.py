@@ -19,7 +19,7 @@ from uuvsim_cosim.envs.episodes.spaces import ActionBox
 from uuvsim_cosim.envs.task.task import Task, TeamTask
 from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.learn.algorithms.replay_buffer import Transitions
-from uuvsim_cosim.learn.policies.policy import Named
+from uuvsim_cosim.learn.policies.policy import Named, names_of
 
 if TYPE_CHECKING:
     from uuvsim_cosim.learn.algorithms.checkpoint import State
@@ -82,23 +82,43 @@ class Rollout:
     def step(self, actions: Array) -> tuple[Transitions, Ended | None]:
         """Act; `actions` (n, N, a) in [-1, 1]."""
         actions = np.asarray(actions, np.float32)
-        before, at, rows = self.observation, self.steps.copy(), np.arange(self.n)
-        self._actions[at, rows] = actions
+        before, at = self.observation, self.steps.copy()
+        self._actions[at, np.arange(self.n)] = actions
         reward, terminated, over, infos = self._world.act(actions)
         after = self.observation = self._world.observe()
-        self._returns[at, rows] = reward.mean(axis=1)
-        for name, values in infos.items():
-            if np.shape(values) == (self.n,):
-                kept = self._infos.setdefault(name, np.zeros((self._length, self.n)))
-                kept[at, rows] = values
+        self._keep(at, reward, infos)
         ended = None
         if over.any():
-            ended = self._ended(np.flatnonzero(over), at + 1)
+            rows = np.flatnonzero(over)
+            length = at[rows] + 1
+            counted = np.arange(self._length)[:, None] < length
+            # Means over the second half: step k (from 0) counts where 2 k >= length - 1.
+            late = counted & (2 * np.arange(self._length)[:, None] >= length - 1)
+            ended = Ended(
+                np.where(counted, self._returns[:, rows], 0.0).sum(axis=0),
+                length,
+                {
+                    name: np.where(late, kept[:, rows], 0.0).sum(axis=0) / late.sum(axis=0)
+                    for name, kept in self._infos.items()
+                },
+            )
             self._world.again(over)
             self.observation = self._world.observe()
         transitions = Transitions(before, actions, reward.astype(np.float32), after,
                             terminated.astype(np.float32))  # fmt: skip
         return transitions, ended
+
+    def _keep(
+        self, at: NDArray[np.int64], reward: NDArray[np.float64],
+        infos: Mapping[str, NDArray[np.generic]],
+    ) -> None:  # fmt: skip
+        """Keep the rewards and infos of the steps `at` (n,), for the means of the episodes."""
+        rows = np.arange(self.n)
+        self._returns[at, rows] = reward.mean(axis=1)
+        for name, values in infos.items():
+            if np.shape(values) == (self.n,):
+                kept = self._infos.setdefault(name, np.zeros((self._length, self.n)))
+                kept[at, rows] = values
 
     def state(self) -> dict[str, NDArray[np.generic]]:
         """Return the seeds and the actions from which `set_state` repeats the episodes."""
@@ -131,11 +151,7 @@ class Rollout:
                 self._world.again(late)
             at = self.steps
             reward, _, _, infos = self._world.act(self._actions[at, np.arange(self.n)])
-            self._returns[at, np.arange(self.n)] = reward.mean(axis=1)
-            for name, values in infos.items():
-                if np.shape(values) == (self.n,):
-                    kept = self._infos.setdefault(name, np.zeros((self._length, self.n)))
-                    kept[at, np.arange(self.n)] = values
+            self._keep(at, reward, infos)
         fresh = steps == 0
         if most and fresh.any():
             episodes.count(episodes.seeds, episodes.episodes - fresh)
@@ -145,20 +161,6 @@ class Rollout:
     def close(self) -> None:
         """Free everything; a second call does nothing."""
         self._world.episodes.close()
-
-    def _ended(self, rows: NDArray[np.intp], steps: NDArray[np.int64]) -> Ended:
-        length = steps[rows]
-        counted = np.arange(self._length)[:, None] < length
-        # Means over the second half: step k (from 0) counts where 2 k >= length - 1.
-        late = counted & (2 * np.arange(self._length)[:, None] >= length - 1)
-        return Ended(
-            np.where(counted, self._returns[:, rows], 0.0).sum(axis=0),
-            length,
-            {
-                name: np.where(late, kept[:, rows], 0.0).sum(axis=0) / late.sum(axis=0)
-                for name, kept in self._infos.items()
-            },
-        )
 
 
 class _Team:
@@ -224,13 +226,7 @@ class _Alone:
 def _named(
     low: ArrayLike, high: ArrayLike, box: ActionBox, agent: str
 ) -> tuple[tuple[Named, ...], tuple[Named, ...]]:
-    seen = tuple(
-        Named(f"o[{i + 1}]", float(a), float(b))
-        for i, (a, b) in enumerate(zip(np.asarray(low), np.asarray(high), strict=True))
+    acts = [box.name(i).removeprefix(f"{agent}." if agent else "") for i in range(box.width)]
+    return names_of(np.asarray(low), np.asarray(high)), tuple(
+        Named(name, -1.0, 1.0) for name in acts
     )
-    acts = []
-    for i in range(box.width):
-        name = box.name(i)
-        short = name.removeprefix(f"{agent}.") if agent else name
-        acts.append(Named(short, -1.0, 1.0))
-    return seen, tuple(acts)

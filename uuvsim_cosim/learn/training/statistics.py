@@ -18,8 +18,8 @@ __all__ = [
     "HOLDS",
     "HOLDS_NOT",
     "UNDECIDED",
+    "Decision",
     "Interval",
-    "Said",
     "interquartile_mean",
     "interval",
     "probability_of_improvement",
@@ -28,10 +28,10 @@ __all__ = [
 ]
 
 Array = NDArray[np.float64]
-Said = Literal["holds", "does not hold", "cannot be decided"]
-HOLDS: Said = "holds"
-HOLDS_NOT: Said = "does not hold"
-UNDECIDED: Said = "cannot be decided"
+Decision = Literal["holds", "does not hold", "cannot be decided"]
+HOLDS: Decision = "holds"
+HOLDS_NOT: Decision = "does not hold"
+UNDECIDED: Decision = "cannot be decided"
 
 
 @dataclass(frozen=True)
@@ -46,20 +46,20 @@ class Interval:
         """Return "0.95 [0.93, 0.97]"."""
         return f"{self.value:.3g} [{self.low:.3g}, {self.high:.3g}]"
 
-    def at_least(self, limit: float) -> Said:
+    def at_least(self, limit: float) -> Decision:
         """Judge "the figure is at least `limit`": decided only if the whole interval agrees."""
         return HOLDS if self.low >= limit else HOLDS_NOT if self.high < limit else UNDECIDED
 
-    def at_most(self, limit: float) -> Said:
+    def at_most(self, limit: float) -> Decision:
         """Judge "the figure is at most `limit`", likewise."""
         return HOLDS if self.high <= limit else HOLDS_NOT if self.low > limit else UNDECIDED
 
-    def above(self, other: Interval) -> Said:
+    def above(self, other: Interval) -> Decision:
         """Judge "this figure is greater": decided only if the intervals have nothing in common."""
         return HOLDS if self.low > other.high else HOLDS_NOT if self.high < other.low else UNDECIDED
 
 
-def together(*verdicts: Said) -> Said:
+def together(*verdicts: Decision) -> Decision:
     """Judge that all claims hold: one false claim decides, else one undecided claim does."""
     return next((verdict for verdict in (HOLDS_NOT, UNDECIDED) if verdict in verdicts), HOLDS)
 

@@ -15,15 +15,17 @@ from uuvsim_cosim.learn.shared.task_ids import make_task
 from uuvsim_cosim.learn.training.agents import agents_of, widths
 from uuvsim_cosim.learn.training.config import TrainingConfig, read_config
 from uuvsim_cosim.learn.training.events import Events
-from uuvsim_cosim.learn.training.folder_lock import locked, refuse_other, write_owner
+from uuvsim_cosim.learn.training.folders import locked, refuse_other, write_owner
 from uuvsim_cosim.learn.training.interruption import Interruption, TrainingInterrupted
 from uuvsim_cosim.learn.training.loading import load_policies
 
 if TYPE_CHECKING:
+    from uuvsim_cosim.learn.algorithms.learner import Learner
     from uuvsim_cosim.learn.training.training import Training, TrainingObserver
 
 __all__ = [
     "Trained",
+    "learner_in",
     "one_thread",
     "resolved",
     "train",
@@ -114,13 +116,7 @@ def training_of(
     first: int | None = None,
 ) -> Training:
     """Make a training, ready to `run`; raises InputInvalid if it cannot be."""
-    agents = agents_of(task)
-    algorithm = algorithm_for(config.algorithm, len(agents))
-    observed, acted = widths(task)
-    learner = learner_of(
-        algorithm, config.settings, agents=len(agents), observed=observed, acted=acted,
-        n=config.envs, seed=config.seed, symmetries=task.symmetries(),
-    )  # fmt: skip
+    learner = learner_in(task, config.algorithm, config.settings, n=config.envs, seed=config.seed)
     from uuvsim_cosim.learn.training.training import Training
 
     options = dict(config.plain()["task_options"])
@@ -131,6 +127,18 @@ def training_of(
         steps=config.steps, folder=folder, evaluate_every=config.evaluate_every,
         evaluation_episodes=config.evaluation_episodes, checkpoint_every=config.checkpoint_every,
         observers=observers, interrupted=interrupted, first=first,
+    )  # fmt: skip
+
+
+def learner_in(
+    task: Task | TeamTask, name: str | None, settings: Mapping[str, object], *, n: int, seed: int
+) -> Learner:
+    """Make a learner for n copies of a task; raises InputInvalid."""
+    agents = len(agents_of(task))
+    observed, acted = widths(task)
+    return learner_of(
+        algorithm_for(name, agents), settings, agents=agents, observed=observed, acted=acted, n=n,
+        seed=seed, symmetries=task.symmetries(),
     )  # fmt: skip
 
 
@@ -149,9 +157,6 @@ def resolved(config: TrainingConfig) -> TrainingConfig:
 def training_folder(config: TrainingConfig, parent: Path = Path("runs") / "train") -> Path:
     """Return runs/train/TASK-ALGORITHM-SEED."""
     return parent / config.name
-
-
-# ---- inside -------------------------------------------------------------------------------
 
 
 def one_thread() -> ExitStack:

@@ -21,11 +21,17 @@ from uuvsim_cosim.learn.algorithms.checkpoint import load_checkpoint, save_check
 from uuvsim_cosim.learn.algorithms.learner import Learner
 from uuvsim_cosim.learn.policies.policy import Policy
 from uuvsim_cosim.learn.shared.errors import LearningDiverged
-from uuvsim_cosim.learn.training.rollout import Ended, Rollout
-from uuvsim_cosim.learn.training.too_short import taught_nothing
+from uuvsim_cosim.learn.training.rollout import Rollout
 from uuvsim_cosim.learn.training.training_seeds import EVALUATION_SEED, first_of_training
 
-__all__ = ["EVALUATION_SEED", "Progress", "Training", "TrainingObserver", "acting"]
+__all__ = [
+    "EVALUATION_SEED",
+    "Progress",
+    "Training",
+    "TrainingObserver",
+    "acting",
+    "taught_nothing",
+]
 
 
 @dataclass(frozen=True)
@@ -132,7 +138,12 @@ class Training:
             with suppress(OSError):  # the disk may be full: the first error is reported
                 self._write_curves()
             if isinstance(error, LearningDiverged):
-                raise error.saying(self.learner.name, f"{last}{self._diverged()}") from None
+                beside = self.folder / "diverged.pt"
+                with suppress(OSError, UuvsimError):  # a full disk, or NaN in the networks
+                    save_checkpoint(beside, self._content())
+                    self._write_policies("policy")
+                    last += f"; {beside} and policy.npz are of then"
+                raise error.saying(self.learner.name, last) from None
             error.add_note(last)
             raise
         finally:
@@ -146,15 +157,40 @@ class Training:
         """Load the checkpoint, if there is one; a second call does nothing."""
         if self._resumed:
             return
-        if self.checkpoint.is_file():
-            self._resume()
-            self._resumed = True
-        elif _has_learned(self.folder / "evaluations.csv"):
+        if not self.checkpoint.is_file():
+            if _has_learned(self.folder / "evaluations.csv"):
+                raise InputInvalid(
+                    self.checkpoint,
+                    "no such file, beside curves of what was learned",
+                    "it, another folder, or to begin anew (--restart)",
+                )
+            return
+        read = load_checkpoint(self.checkpoint)
+        own = {"task": self.name, "options": self.options, "algorithm": self.learner.name,
+               "n": self.n, "seed": self.seed}  # fmt: skip
+        for what, expected in own.items():
+            if read.get(what) != expected:
+                raise InputInvalid(
+                    self.checkpoint,
+                    f"{what} {read.get(what)!r}",
+                    f"{expected!r}, or another folder",
+                )
+        try:
+            self.rollout.set_state(read["rollout"])
+            self.learner.set_state(read["learner"])
+        except InputInvalid as error:
+            raise InputInvalid(f"{self.checkpoint}: {error}") from None
+        counters = read["counters"]
+        self.step, self.episodes = int(counters["step"]), int(counters["episodes"])
+        self.best, self.updates = float(counters["best"]), counters.get("updates")
+        self._rows, self.evaluations = read["rows"], read["evaluations"]
+        if self.step - self.n >= self.steps:
             raise InputInvalid(
                 self.checkpoint,
-                "no such file, beside curves of what was learned",
-                "it, another folder, or to begin anew (--restart)",
+                f"of step {self.step}, {self.steps} asked for",
+                "at least as many steps, another folder, or to begin anew (--restart)",
             )
+        self._resumed = True
 
     def _one_step(self) -> None:
         actions = self.learner.act(self.rollout.observation)
@@ -166,20 +202,16 @@ class Training:
             one_more = None if self.updates is None else self.updates + 1
             self.updates = int(losses["updates"]) if "updates" in losses else one_more
         if ended is not None:
-            self._count(ended)
+            for i in range(len(ended.returns)):
+                row = {"step": float(self.step), "return": float(ended.returns[i])}
+                self._rows.append(row | {k: float(v[i]) for k, v in ended.metrics.items()})
+            self.episodes += len(ended.returns)
+            means = {"return": float(ended.returns.mean())}
+            self._tell("episodes", means | {k: float(v.mean()) for k, v in ended.metrics.items()})
         self._tell("step", losses)
 
     def _passed(self, every: int) -> bool:
         return self.step // every > (self.step - self.n) // every
-
-    def _count(self, ended: Ended) -> None:
-        for i in range(len(ended.returns)):
-            row = {"step": float(self.step), "return": float(ended.returns[i])}
-            row |= {k: float(v[i]) for k, v in ended.metrics.items()}
-            self._rows.append(row)
-        self.episodes += len(ended.returns)
-        means = {"return": float(ended.returns.mean())}
-        self._tell("episodes", means | {k: float(v.mean()) for k, v in ended.metrics.items()})
 
     def _evaluate(self) -> None:
         judged = evaluate(
@@ -252,45 +284,6 @@ class Training:
             "learner": self.learner.state(),
         }
 
-    def _diverged(self) -> str:
-        """Write the diverged state beside the checkpoint, which stays; returns a message of it."""
-        beside = self.folder / "diverged.pt"
-        try:
-            save_checkpoint(beside, self._content())
-            self._write_policies("policy")
-        except (OSError, UuvsimError):  # a full disk, or NaN in the networks
-            return ""
-        return f"; {beside} and policy.npz are of then"
-
-    def _resume(self) -> None:
-        read = load_checkpoint(self.checkpoint)
-        own = {"task": self.name, "options": self.options, "algorithm": self.learner.name,
-               "n": self.n, "seed": self.seed}  # fmt: skip
-        for what, expected in own.items():
-            if read.get(what) != expected:
-                raise InputInvalid(
-                    self.checkpoint,
-                    f"{what} {read.get(what)!r}",
-                    f"{expected!r}, or another folder",
-                )
-        try:
-            self.rollout.set_state(read["rollout"])
-            self.learner.set_state(read["learner"])
-        except InputInvalid as error:
-            raise InputInvalid(f"{self.checkpoint}: {error}") from None
-        counters = read["counters"]
-        self.step, self.episodes, self.best = (
-            int(counters["step"]), int(counters["episodes"]), float(counters["best"])
-        )  # fmt: skip
-        self.updates = counters.get("updates")
-        self._rows, self.evaluations = read["rows"], read["evaluations"]
-        if self.step - self.n >= self.steps:
-            raise InputInvalid(
-                self.checkpoint,
-                f"of step {self.step}, {self.steps} asked for",
-                "at least as many steps, another folder, or to begin anew (--restart)",
-            )
-
     def _write_curves(self) -> None:
         _write_csv(self.folder / "episodes.csv", self._rows)
         _write_csv(self.folder / "evaluations.csv", self.evaluations)
@@ -331,3 +324,33 @@ def _write_csv(path: Path, rows: list[dict[str, float]]) -> None:
         writer = csv.DictWriter(file, names)
         writer.writeheader()
         writer.writerows(rows)
+
+
+BEFORE = ("samples", "warm_up", "batch")  # environment steps without an update
+
+
+def taught_nothing(settings: Mapping[str, float], steps: int, updates: int | None) -> str | None:
+    """Return the reason why no actor was updated; None if one was, or if `updates` is unknown.
+
+    `settings` are a learner's; it made `updates` updates in `steps` environment steps.
+    """
+    if updates is None:
+        return None
+    late = int(settings.get("critic_only", 0))
+    if updates and updates > late:
+        return None
+    if updates:
+        return (
+            f"no actor was updated: critic_only is {late}, updates made {updates}; expected more "
+            "steps, or a lower critic_only"
+        )
+    value, name = max((int(settings.get(name, 0)), name) for name in BEFORE)
+    if value > steps:
+        return (
+            f"no update was made: {name} is {value}, steps {steps}; expected at least {value} "
+            f"steps, or a lower {name}"
+        )
+    return (
+        f"no update was made: updates is {settings.get('updates', 0):g} for each step of all "
+        f"environments, steps {steps}; expected more of them"
+    )

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import reduce
 
 import casadi as ca
 import numpy as np
@@ -26,46 +27,42 @@ _SPEED = np.array([0.5, 0.3, 0.3, 0.5, 0.5, 0.6])  # m/s and rad/s that each axi
 _LENGTH = 40.0  # s
 
 
-def _steps(t: Array, period: float = 8.0) -> Array:
-    """Ahead, rest, astern, rest at two heights: speeds that settle, and changes between them."""
-    phase = np.floor(t / (period / 2)).astype(int)
-    pattern = np.array([1.0, 0.0, -1.0, 0.0, 0.5, 0.0, -0.5, 0.0])
-    return np.asarray(pattern[phase % 8], dtype=float)
-
-
-def _sines(t: Array, seed: int) -> Array:
-    """Five sines from 0.05 to 0.5 Hz, with phases of their own (Schroeder's for a low peak)."""
-    k = np.arange(5)
-    f = 0.05 * 10.0 ** (k / 4.0)
-    phases = -np.pi * k * (k + 1) / 5 + seed
-    return np.asarray(np.sin(2 * np.pi * f * t[:, None] + phases).sum(axis=1) / 3.0, dtype=float)
-
-
 Shape = Callable[[Array], Array]  # times (n,) -> share of each axis' force (n, 6)
 
 
-def _alone(axis: int) -> Shape:
-    return lambda t: np.outer(_steps(t), np.eye(6)[axis])
+def _steps(*axes: int) -> Shape:
+    """Ahead, rest, astern, rest at two heights: speeds that settle, and changes between them."""
+    pattern = np.array([1.0, 0.0, -1.0, 0.0, 0.5, 0.0, -0.5, 0.0])
+
+    def alone(t: Array, axis: int, period: float) -> Array:
+        phase = np.floor(t / (period / 2)).astype(int)
+        return np.outer(pattern[phase % 8], np.eye(6)[axis])
+
+    periods = (8.0, 6.0)  # s, of the first axis and of the second
+    return lambda t: reduce(np.add, (alone(t, *each) for each in zip(axes, periods, strict=False)))
 
 
-def _pair(a: int, b: int) -> Shape:
-    return lambda t: np.outer(_steps(t), np.eye(6)[a]) + np.outer(_steps(t, 6.0), np.eye(6)[b])
+def _sines(*axes: int) -> Shape:
+    """Five sines from 0.05 to 0.5 Hz, with phases of their own (Schroeder's for a low peak)."""
+    k = np.arange(5)
+    f = 0.05 * 10.0 ** (k / 4.0)
+    phases = -np.pi * k * (k + 1) / 5
 
+    def alone(t: Array, i: int) -> Array:
+        sines = np.sin(2 * np.pi * f * t[:, None] + (phases + i)).sum(axis=1) / 3.0
+        return np.outer(sines, np.eye(6)[i])
 
-def _all(axes: tuple[int, ...]) -> Shape:
-    return lambda t: sum(
-        (np.outer(_sines(t, i), np.eye(6)[i]) for i in axes), np.zeros((len(t), 6))
-    )
+    return lambda t: sum((alone(t, i) for i in axes), np.zeros((len(t), 6)))
 
 
 LIBRARY: dict[str, Shape] = {
-    **{f"{name}, ahead and back in steps": _alone(i) for i, name in enumerate(AXES)},
-    "surge and yaw in steps": _pair(0, 5),
-    "surge and sway in steps": _pair(0, 1),
-    "sway and yaw in steps": _pair(1, 5),
-    "heave and pitch in steps": _pair(2, 4),
-    "five sines in surge, sway, heave and yaw": _all((0, 1, 2, 5)),
-    "five sines in all six": _all((0, 1, 2, 3, 4, 5)),
+    **{f"{name}, ahead and back in steps": _steps(i) for i, name in enumerate(AXES)},
+    "surge and yaw in steps": _steps(0, 5),
+    "surge and sway in steps": _steps(0, 1),
+    "sway and yaw in steps": _steps(1, 5),
+    "heave and pitch in steps": _steps(2, 4),
+    "five sines in surge, sway, heave and yaw": _sines(0, 1, 2, 5),
+    "five sines in all six": _sines(0, 1, 2, 3, 4, 5),
 }
 
 
@@ -111,18 +108,15 @@ def propose(box: GreyBox, found: Fit) -> list[Proposal]:
             continue
         A, B, C, D = (np.array(m) for m in parts.map(len(t))(before_each, feeds, found.theta))
         information = _added(A, B, C, D, found, len(t), n_x, n_p)
-        added = scaled_information(information, found.theta, start)
-        if not np.all(np.isfinite(added)):
+        total = before + scaled_information(information, found.theta, start)
+        if not np.all(np.isfinite(total)):
             continue
-        total = before + added
         _, value = np.linalg.slogdet(total)
         size = np.sqrt(np.diag(scaled_information(np.eye(n_p), found.theta, start)))
         spread = np.maximum(np.diag(np.linalg.inv(total)), 0.0)
-        half: Array = np.asarray(1.96 * size * np.sqrt(spread), dtype=float)
-        place = box.x_places[box.hull, "nu_b"]
-        proposals.append(
-            Proposal(name, float(value - base), half, t, tau, np.abs(states[place]).max(axis=1))
-        )
+        reached = np.abs(states[box.x_places[box.hull, "nu_b"]]).max(axis=1)
+        half = 1.96 * size * np.sqrt(spread)
+        proposals.append(Proposal(name, float(value - base), half, t, tau, reached))
     return sorted(proposals, key=lambda p: -p.gain)
 
 
@@ -159,11 +153,14 @@ class _Drive:
         self.pushing = [k for k, n in enumerate(names) if n in ("tau", "thrust", "force", "u")]
         self.commands = [k for k in self.pushing if names[k] == "u"]
         x = self.rest()
-        self.M = np.linalg.inv(self._mobility(x))
-        self.gain: Array | None = None
-        if self.pushing:
-            self.gain = self._gains(x, h)
-        self.full = self._forces(x)
+        self.M = np.linalg.inv(self._mobility())
+        self.gain = self._gains(x, h) if self.pushing else None
+        # The force (6,) that keeps each axis at its speed.
+        full, still, moving = np.zeros(6), self._nu_dot(x, self.base), x.copy()
+        for i in range(6):
+            moving[box.x_places[box.hull, "nu_b"]] = _SPEED[i] * np.eye(6)[i]
+            full[i] = float((self.M @ (still - self._nu_dot(moving, self.base)))[i])
+        self.full: Array = np.maximum(full, 0.02 * np.diag(self.M) * _SPEED)
 
     def rest(self) -> Array:
         """Return the state of the hull at rest and level, at a depth of 20 m or more."""
@@ -181,32 +178,22 @@ class _Drive:
     def _nu_dot(self, x: Array, w: Array) -> Array:
         return np.array(self.box.nu_dot(x, w, self.theta)).ravel()
 
-    def _mobility(self, x: Array) -> Array:
+    def _mobility(self) -> Array:
         """Return M^-1: nu_dot by a unit force, through the hull's own tau."""
         part = self.box.parts[self.box.hull]
-        f = part.f
-        y = next(v for v in part.model.of_kind("output") if v.name == "nu_dot")
-        p = part.p.copy()
+        f, p = part.f, part.p.copy()
         for j, fit in enumerate(self.box.fitted):
             for component, name in fit.places:
                 if component == self.box.hull:
                     p[part.place(name)] = self.theta[j]
         d = np.array(f.derived(p)).ravel()
-        at, here = 0, 0
-        for v in part.model.of_kind("output"):
-            if v is y:
-                here = at
-            at += v.size
         first = np.array(f.initial(p, d)).ravel()
-        place, u = 0, np.zeros(sum(v.size for v in part.model.of_kind("input")))
-        for v in part.model.of_kind("input"):
-            if v.name == "tau":
-                break
-            place += v.size
+        nu_dot, tau = part.place("nu_dot", "output"), part.place("tau", "input")
+        u = np.zeros(sum(v.size for v in part.model.of_kind("input")))
 
         def of(force: Array) -> Array:
-            u[place : place + 6] = force
-            return np.array(f.outputs(0.0, u, p, d, first, [])).ravel()[here : here + 6]
+            u[tau : tau + 6] = force
+            return np.array(f.outputs(0.0, u, p, d, first, [])).ravel()[nu_dot : nu_dot + 6]
 
         return np.stack([of(np.eye(6)[i]) - of(np.zeros(6)) for i in range(6)], axis=1)
 
@@ -217,28 +204,18 @@ class _Drive:
         hull = [self.box.x_places[self.box.hull, n] for n in ("p", "q_nb", "nu_b")]
         for k in self.pushing:
             forces = []
-            for value in (0.5, 0.0) if k in self.commands else (1.0, 0.0):
+            command = k in self.commands
+            for value in (0.5 if command else 1.0, 0.0):
                 w, s = self.base.copy(), x.copy()
                 w[k] = value
-                for _ in range(10 if k in self.commands else 0):
+                for _ in range(10 if command else 0):
                     s = np.array(step(s, w, self.theta)).ravel()
                     for place in hull:
                         s[place] = x[place]
                 forces.append(self.M @ self._nu_dot(s, w))
-            scale = 4.0 if k in self.commands else 1.0  # thrust goes with |u| u
+            scale = 4.0 if command else 1.0  # thrust goes with |u| u
             columns.append(scale * (forces[0] - forces[1]))
         return np.stack(columns, axis=1)
-
-    def _forces(self, x: Array) -> Array:
-        """Return the force (6,) that keeps each axis at its speed."""
-        place = self.box.x_places[self.box.hull, "nu_b"]
-        found = np.zeros(6)
-        still = self._nu_dot(x, self.base)
-        for i in range(6):
-            moving = x.copy()
-            moving[place] = _SPEED[i] * np.eye(6)[i]
-            found[i] = float((self.M @ (still - self._nu_dot(moving, self.base)))[i])
-        return np.asarray(np.maximum(found, 0.02 * np.diag(self.M) * _SPEED), dtype=float)
 
     def feeds(self, share: Array) -> tuple[Array | None, Array]:
         """Return feeds (n_w, n) for shares (n, 6) of the full force; None if it cannot be made."""
@@ -251,7 +228,6 @@ class _Drive:
             return None, tau
         w = np.repeat(self.base[:, None], len(share), 1)
         for row, k in zip(amounts, self.pushing, strict=True):
-            w[k] = (
-                np.clip(np.sign(row) * np.sqrt(np.abs(row)), -1, 1) if k in self.commands else row
-            )
+            root = np.clip(np.sign(row) * np.sqrt(np.abs(row)), -1, 1)
+            w[k] = root if k in self.commands else row
         return w, tau

@@ -65,9 +65,8 @@ class _Problem:
         self.K = self.M * self.S
         self.h = grid.h
         self.n_x, self.n_p = box.x.numel(), len(box.fitted)
-        start = np.array([f.start for f in box.fitted])
+        self.center = start = np.array([f.start for f in box.fitted])
         self.scale = np.where(np.abs(start) > 1e-9, np.abs(start), 1.0)
-        self.center = start
         self.w, self.y = grid.w[:, : self.K], grid.y[:, : self.K + 1]
         self.guess = _guess(box, grid, self.S, self.M)
         self.x_scale = np.maximum(np.abs(self.guess).max(axis=1), 0.1)
@@ -96,7 +95,13 @@ class _Problem:
         ]  # fmt: skip
         self.residual = ca.Function("residual", [z], [ca.vertcat(*rows)])
         data = ca.vec(ca.vertcat(*rows) * weights)
-        prior = [_PRIOR * z[: self.n_p], *self._of_start(starts[:, 0])]
+        prior = [_PRIOR * z[: self.n_p]]
+        for (i, name), place in box.x_places.items():  # weak: the length of q, a shaft's speed, …
+            x_0 = starts[place, 0]
+            if i == box.hull and name == "q_nb":
+                prior.append(1e2 * (ca.sumsqr(x_0) - 1.0))
+            else:
+                prior.append((x_0 - self.guess[place, 0]) / (10.0 * self.x_scale[place]))
         r = ca.vertcat(data, *prior)
         gaps = [(columns[i] - starts[:, i + 1]) / ca.DM(self.x_scale) for i in range(self.S - 1)]
         g = ca.vertcat(*gaps) if gaps else ca.MX(0, 1)
@@ -120,33 +125,17 @@ class _Problem:
         of_data = ca.jacobian(data, z)
         self.sensitivity = ca.Function("sensitivity", [z, weights], [of_data, ca.jacobian(g, z)])
 
-    def _of_start(self, x_0: Any) -> list[Any]:
-        """Return weak priors on initial states: the length of q, a shaft's speed, and the like."""
-        rows = []
-        for (i, name), place in self.box.x_places.items():
-            x = x_0[place]
-            if i == self.box.hull and name == "q_nb":
-                rows.append(1e2 * (ca.sumsqr(x) - 1.0))
-            else:
-                guess = self.guess[place, 0]
-                rows.append((x - guess) / (10.0 * self.x_scale[place]))
-        return rows
-
-    def bounds(self) -> tuple[Array, Array]:
-        low = np.full(self.n_p + self.S * self.n_x, -np.inf)
-        high = -low
-        for j, f in enumerate(self.box.fitted):
-            low[j] = (f.low - self.center[j]) / self.scale[j]
-            high[j] = (f.high - self.center[j]) / self.scale[j]
-        return low, high
-
 
 def fit(box: GreyBox, grid: Grid) -> Fit:
     """Fit the parameters of `box` to what was measured; InputInvalid if nothing converges."""
     p = _Problem(box, grid)
     seen = np.isfinite(p.y)
     z = np.concatenate([np.zeros(p.n_p), (p.guess / p.x_scale[:, None]).T.ravel()])
-    low, high = p.bounds()
+    free = np.full(p.S * p.n_x, np.inf)  # states have no bounds
+    low, high = (
+        np.concatenate([(np.array(ends) - p.center) / p.scale, sign * free])
+        for ends, sign in (([f.low for f in box.fitted], -1.0), ([f.high for f in box.fitted], 1.0))
+    )
     sigma = _FIRST.copy()
     iterations, stats = 0, {}
     for _ in range(3):
@@ -154,13 +143,14 @@ def fit(box: GreyBox, grid: Grid) -> Fit:
         found = p.solver(x0=z, p=weights, lbx=low, ubx=high, lbg=0.0, ubg=0.0)
         stats = p.solver.stats()
         iterations += int(stats["iter_count"])
-        z_new = np.array(found["x"]).ravel()
-        if not np.all(np.isfinite(z_new)):
+        z = np.array(found["x"]).ravel()
+        if not np.all(np.isfinite(z)):
             raise InputInvalid(_AWAY)
-        z = z_new
         residual = np.where(seen, np.array(p.residual(z)), np.nan)
         before = sigma
-        sigma = np.array([_rms(residual[j], _LEAST[j]) for j in range(12)])
+        good = [row[np.isfinite(row)] for row in residual]
+        sigma = np.array([max(float(np.sqrt(np.mean(r**2))), least) if len(r) else 1.0
+                          for r, least in zip(good, _LEAST, strict=True)])  # fmt: skip
         if np.all(np.abs(np.log(sigma / before)) < 0.05):
             break
     rho = np.array([_lag(residual[j]) for j in range(12)])
@@ -205,11 +195,6 @@ def _information(p: _Problem, z: Array, weights: Array) -> Array:
     return np.asarray(rest.T @ rest, dtype=float)
 
 
-def _rms(values: Array, least: float) -> float:
-    good = values[np.isfinite(values)]
-    return max(float(np.sqrt(np.mean(good**2))), least) if len(good) else 1.0
-
-
 def _lag(values: Array) -> float:
     """Return the correlation of residuals with those one step before, limited to 0 … 0.98."""
     a, b = values[:-1], values[1:]
@@ -226,29 +211,7 @@ def _guess(box: GreyBox, grid: Grid, S: int, M: int) -> Array:
 
     n_x = box.x.numel()
     start = box.start()
-    y = _filled(grid)
-    step = box.step(grid.h, sloped=True)
-    theta = np.array([f.start for f in box.fitted])
-    euler = ca.SX.sym("e", 3)
-    q_of = ca.Function("q", [euler], [q_of_euler(euler[0], euler[1], euler[2])])
-    hull = box.hull
-    x = start.copy()
-    out = np.zeros((n_x, S))
-    for i in range(S):
-        k = i * M
-        x[box.x_places[hull, "p"]] = y[:3, k]
-        x[box.x_places[hull, "q_nb"]] = np.array(q_of(y[3:6, k])).ravel()
-        x[box.x_places[hull, "nu_b"]] = y[6:, k]
-        out[:, i] = x
-        for j in range(k, min(k + M, grid.w.shape[1])):
-            x = np.array(step(x, grid.w[:, j], theta)).ravel()
-        if not np.all(np.isfinite(x)):
-            x = start.copy()
-    return out
-
-
-def _filled(grid: Grid) -> Array:
-    """Return eta and nu at every grid point: interpolated; velocities by differences."""
+    # eta and nu at every grid point: interpolated; velocities by differences
     y = grid.y.copy()
     n = y.shape[1]
     for j in range(12):
@@ -269,4 +232,21 @@ def _filled(grid: Grid) -> Array:
         # u v w from positions and attitude, smoothed over five steps
         rates = uniform_filter1d(np.gradient(y[:3], grid.h, axis=1), 5, axis=1)
         y[6:9] = Rotation.from_euler("ZYX", y[[5, 4, 3]].T).inv().apply(rates.T).T
-    return y
+    step = box.step(grid.h, sloped=True)
+    theta = np.array([f.start for f in box.fitted])
+    euler = ca.SX.sym("e", 3)
+    q_of = ca.Function("q", [euler], [q_of_euler(euler[0], euler[1], euler[2])])
+    hull = box.hull
+    x = start.copy()
+    out = np.zeros((n_x, S))
+    for i in range(S):
+        k = i * M
+        x[box.x_places[hull, "p"]] = y[:3, k]
+        x[box.x_places[hull, "q_nb"]] = np.array(q_of(y[3:6, k])).ravel()
+        x[box.x_places[hull, "nu_b"]] = y[6:, k]
+        out[:, i] = x
+        for j in range(k, min(k + M, grid.w.shape[1])):
+            x = np.array(step(x, grid.w[:, j], theta)).ravel()
+        if not np.all(np.isfinite(x)):
+            x = start.copy()
+    return out

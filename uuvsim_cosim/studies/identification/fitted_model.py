@@ -9,7 +9,7 @@ communication steps are applied to the inputs instead, as a shift in time.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import ceil
 from typing import Any
 
@@ -21,7 +21,7 @@ from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.orchestrator.plan.plan import Plan
 from uuvsim_cosim.studies.identification.parameters import HULL_STATES, Fitted, Part
 
-__all__ = ["Feed", "GreyBox"]
+__all__ = ["Feed", "GreyBox", "feed_of"]
 
 Array = NDArray[np.float64]
 
@@ -37,6 +37,17 @@ class Feed:
     offset: float = 0.0
     delay: float = 0.0  # s by which the communication steps behind it delay it
     free: bool = False
+
+
+def feed_of(plan: Plan, component: int, variable: str, element: int) -> Feed:
+    """Return the output that an element of an input is connected to; else the input, `free`."""
+    for t in plan.transfers:
+        if (t.target, t.target_variable.name) == (component, variable) and (
+            element in t.target_elements
+        ):
+            e = t.source_elements[t.target_elements.index(element)]
+            return Feed(t.source, t.source_variable.name, e, t.factor, t.offset)
+    return Feed(component, variable, element, free=True)
 
 
 class GreyBox:
@@ -55,10 +66,8 @@ class GreyBox:
                 )
             if part.calls:
                 raise InputInvalid(
-                    (
-                        f"{part.path} ({part.source}) calls {', '.join(part.calls)}, which "
-                        "is not fitted"
-                    ),
+                    f"{part.path} ({part.source}) calls {', '.join(part.calls)}, which "
+                    "is not fitted",
                     "equations and tables alone",
                 )
         self.theta = ca.SX.sym("theta", len(self.fitted))
@@ -78,12 +87,11 @@ class GreyBox:
                 rates.append(self._closed(i, part.model.derivatives[v.name]))
         self.x = ca.vertcat(*states)
         y = ca.vertcat(*(self._output(hull, n) for n in ("eta", "nu")))
-        rates_ = ca.vertcat(*rates)
         nu_dot = self._output(hull, "nu_dot")
         self.w = ca.vertcat(*self._w) if self._w else ca.SX(0, 1)
         arguments = [self.x, self.w, self.theta]
         zero = [self._time], [ca.SX(0)]
-        self.f = ca.Function("f", arguments, ca.substitute([rates_], *zero))
+        self.f = ca.Function("f", arguments, ca.substitute([ca.vertcat(*rates)], *zero))
         self.h = ca.Function("h", arguments, ca.substitute([y], *zero))
         self.nu_dot = ca.Function("nu_dot", arguments, ca.substitute([nu_dot], *zero))
         self.h_max = min(p.model.h_max for p in self.parts.values())
@@ -105,10 +113,8 @@ class GreyBox:
         for i in wanted:
             if i not in self.hops:
                 raise InputInvalid(
-                    (
-                        f"{self.plan.components[i].path} does not act on "
-                        f"{self.plan.components[self.hull].path}"
-                    ),
+                    f"{self.plan.components[i].path} does not act on "
+                    f"{self.plan.components[self.hull].path}",
                     "parameters of what does",
                 )
             here: int | None = i
@@ -117,42 +123,24 @@ class GreyBox:
                 here = self.hops[here]
         return sorted(inside, key=lambda i: (i != self.hull, i))
 
-    def _delay(self, component: int) -> float:
-        """Return the delay [s] by communication steps, from a part's inputs to the hull's.
-
-        The output of a part with states is held for a step, which delays it by half a step on
-        average. A part without states passes on the inputs of the step before.
-        """
-        delay, here = 0.0, component
-        while (following := self.hops[here]) is not None and here in self.parts:
-            if self.parts[here].model.of_kind("state"):
-                delay += 0.5
-            else:
-                delay += 1.0
-            here = following
-        return delay * self.tick
-
     # ---- expressions --------------------------------------------------------------------------
 
     def _closed(self, i: int, expression: Any) -> Any:
         """Substitute parameters, derived values and inputs in an expression of a part."""
         part = self.parts[i]
-        p = ca.SX(ca.DM(part.p))
+        model, p = part.model, ca.SX(ca.DM(part.p))
         for j, fit in enumerate(self.fitted):
             for component, name in fit.places:
                 if component == i and name not in part.inputs:
                     p[part.place(name)] = self.theta[j]
         d = part.f.derived.call([p], True, False)[0]
-        model = part.model
-        symbols = [ca.vertcat(*(v.symbol for v in model.of_kind("parameter")))]
-        values = [p]
+        symbols = [ca.vertcat(*(v.symbol for v in model.of_kind("parameter"))), model.t]
+        values = [p, self._time]
         at = 0
         for v in model.of_kind("derived"):
             symbols.append(ca.vertcat(*v.symbol.nonzeros()))
             values.append(d[at : at + v.size])
             at += v.size
-        symbols.append(model.t)
-        values.append(self._time)
         closed = ca.substitute([ca.densify(ca.SX(expression))], symbols, values)[0]
         used = {s.element_hash() for s in ca.symvar(closed)}
         for v in model.of_kind("input"):
@@ -182,20 +170,20 @@ class GreyBox:
 
     def _fed(self, i: int, name: str, element: int) -> Any:
         """Return the expression of an input's element: another part's output, or a feed."""
-        part = self.parts[i]
         for j, fit in enumerate(self.fitted):
             if (i, name) in fit.places:
                 return self.theta[j]
-        for t in self.plan.transfers:
-            if t.target == i and t.target_variable.name == name and element in t.target_elements:
-                e = t.source_elements[t.target_elements.index(element)]
-                if t.source in self.parts:
-                    return t.factor * self._output(t.source, t.source_variable.name)[e] + t.offset
-                feed = Feed(t.source, t.source_variable.name, e, t.factor, t.offset, self._delay(i))
-                return self._symbol(feed)
-        return self._symbol(Feed(part.index, name, element, free=True, delay=self._delay(i)))
-
-    def _symbol(self, feed: Feed) -> Any:
+        feed = feed_of(self.plan, i, name, element)
+        if not feed.free and feed.component in self.parts:
+            output = self._output(feed.component, feed.variable)
+            return feed.factor * output[feed.element] + feed.offset
+        # The output of a part with states is held for a step, which delays it by half a step on
+        # average. A part without states passes on the inputs of the step before.
+        delay, here = 0.0, i
+        while (following := self.hops[here]) is not None and here in self.parts:
+            delay += 0.5 if self.parts[here].model.of_kind("state") else 1.0
+            here = following
+        feed = replace(feed, delay=delay * self.tick)
         if feed not in self.feeds:
             self.feeds.append(feed)
             self._w.append(ca.SX.sym(f"w_{len(self._w)}"))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -15,12 +15,12 @@ from uuvsim_cosim.orchestrator.plan.flatten import flatten
 from uuvsim_cosim.orchestrator.plan.plan import Plan
 from uuvsim_cosim.orchestrator.recording.signals import Signals
 from uuvsim_cosim.orchestrator.system.system import System
+from uuvsim_cosim.studies.identification.ambiguity import WEAK, ambiguities, scaled_information
 
 if TYPE_CHECKING:
     from uuvsim_cosim.studies.identification.experiment import Proposal
-    from uuvsim_cosim.studies.identification.fitted_model import GreyBox
 
-__all__ = ["Actuator", "Identified", "Number", "identify", "unanswered"]
+__all__ = ["Actuator", "Identified", "Number", "identify", "system_of", "unanswered"]
 
 Array = NDArray[np.float64]
 
@@ -42,6 +42,11 @@ class Number:
     def half_width(self) -> float:
         """Return half of the 95 % interval."""
         return 0.5 * (self.high - self.low)
+
+    @property
+    def is_known(self) -> bool:
+        """Whether the 95 % interval is within half of the value."""
+        return bool(self.half_width < 2.0 * WEAK * abs(self.value))
 
 
 @dataclass(frozen=True)
@@ -106,7 +111,6 @@ def identify(
 
     Raises InputInvalid that names the signals that lack, or the parameters that are not there.
     """
-    from uuvsim_cosim.studies.identification.ambiguity import ambiguities, scaled_information
     from uuvsim_cosim.studies.identification.experiment import propose
     from uuvsim_cosim.studies.identification.fit import fit
     from uuvsim_cosim.studies.identification.fitted_model import GreyBox
@@ -115,16 +119,14 @@ def identify(
     from uuvsim_cosim.studies.identification.signals import MEASURED, Lookup, grid_of
 
     signals = recording if isinstance(recording, Signals) else read_log(recording)
-    plan = flatten(_system(system))
+    plan = flatten(system if isinstance(system, System) else system_of(system))
     at = _hull(plan, hull)
     fitted = wanted_parameters(plan, at, parameters)
     box = GreyBox(plan, at, fitted, exact="tick" in signals.metadata)
     grid = grid_of(box, Lookup(signals, mapped or {}), h=step, first=first, last=last)
     found = fit(box, grid)
-    names = [f.name for f in fitted]
     start = np.array([f.start for f in fitted])
     error = np.sqrt(np.maximum(np.diag(found.covariance), 0.0))
-    scaled = scaled_information(found.information, found.theta, start)
     numbers = tuple(
         Number(
             f.name, float(v), float(v - 1.96 * s), float(v + 1.96 * s), f.start, f.unit,
@@ -133,32 +135,41 @@ def identify(
         )
         for f, v, s in zip(fitted, found.theta, error, strict=True)
     )  # fmt: skip
-    unseen = [not bool(np.isfinite(row).any()) for row in grid.y]
-    notes = [f"{n} is at its bound: its interval says little" for n in names
-             if next(x for x in numbers if x.name == n).at_bound]  # fmt: skip
+    notes = [f"{n.name} is at its bound: its interval says little" for n in numbers if n.at_bound]
     if grid.computed:
         notes.append(f"computed from recorded signals: {', '.join(grid.computed)}")
-    if any(unseen):
-        missed = ", ".join(n for n, u in zip(MEASURED, unseen, strict=True) if u)
-        notes.append(f"not measured: {missed}")
+    measured = {n: bool(np.isfinite(y).any()) for n, y in zip(MEASURED, grid.y, strict=True)}
+    if not all(measured.values()):
+        notes.append(f"not measured: {', '.join(n for n, seen in measured.items() if not seen)}")
     flown = tuple(propose(box, found)) if proposals else ()
     notes += unanswered(numbers, flown)
+    actuators = []  # the fitted components whose thrust is an input of a wrench
+    for i in sorted({i for f in fitted for i, _ in f.places} - {at}):
+        part = box.parts[i]
+        own = {n for f in fitted for k, n in f.places if k == i}
+        held = {n: part.start_of(n) for n in part.usual if n not in own}
+        for t in plan.transfers:
+            if t.source == i and t.source_variable.name == t.target_variable.name == "thrust":
+                size = int(np.prod(t.target_variable.shape, dtype=int))
+                number = t.target_elements[0] + 1
+                actuators.append(Actuator(part.path, part.source, number, size, held))
     recorded = str(signals.metadata.get("file", recording if isinstance(recording, (str, Path))
                    else signals.metadata.get("system", "signals")))  # fmt: skip
+    whole = box.parts[at]
     return Identified(
         numbers,
         found.covariance / np.outer(error, error),
-        {n: float(s) for n, s, u in zip(MEASURED, found.sigma, unseen, strict=True) if not u},
-        tuple(ambiguities(names, scaled)),
+        {n: float(s) for (n, seen), s in zip(measured.items(), found.sigma, strict=True) if seen},
+        tuple(
+            ambiguities(
+                [f.name for f in fitted], scaled_information(found.information, found.theta, start)
+            )
+        ),
         flown,
-        plan.components[at].path,
-        box.parts[at].source,
-        {
-            v.name: float(box.parts[at].p[box.parts[at].place(v.name)])
-            for v in box.parts[at].model.of_kind("parameter")
-            if v.size == 1
-        },
-        tuple(_actuators(plan, box)),
+        whole.path,
+        whole.source,
+        {v.name: whole.start_of(v.name) for v in whole.model.of_kind("parameter") if v.size == 1},
+        tuple(actuators),
         Path(recorded).name,
         found.samples,
         float(grid.t[-1]),
@@ -172,8 +183,6 @@ def identify(
 
 def unanswered(numbers: Sequence[Number], flown: Sequence[Proposal]) -> list[str]:
     """Return a message on parameters that neither the data nor a manoeuvre determines."""
-    from uuvsim_cosim.studies.identification.ambiguity import WEAK
-
     limits = [2.0 * WEAK * abs(n.value) for n in numbers]
     undetermined = [
         n.name
@@ -188,26 +197,13 @@ def unanswered(numbers: Sequence[Number], flown: Sequence[Proposal]) -> list[str
     ]
 
 
-def _actuators(plan: Plan, box: GreyBox) -> Iterator[Actuator]:
-    """Yield the fitted components whose thrust is an input of a wrench."""
-    for i in sorted({i for f in box.fitted for i, _ in f.places} - {box.hull}):
-        part = box.parts[i]
-        fitted = {n for f in box.fitted for k, n in f.places if k == i}
-        held = {n: part.start_of(n) for n in part.usual if n not in fitted}
-        for t in plan.transfers:
-            if t.source == i and t.source_variable.name == t.target_variable.name == "thrust":
-                size = int(np.prod(t.target_variable.shape, dtype=int))
-                yield Actuator(part.path, part.source, t.target_elements[0] + 1, size, held)
-
-
-def _system(system: System | str | Path) -> System:
-    if isinstance(system, System):
-        return system
-    if str(system).startswith("model:"):
-        return System("identified").add("hull", str(system))
+def system_of(source: str | Path) -> System:
+    """Load a system by its name or file, or make one of a hull alone (``model:bluerov2``)."""
+    if str(source).startswith("model:"):
+        return System("identified").add("hull", str(source))
     from uuvsim_cosim.orchestrator.running.library import load
 
-    return load(system)
+    return load(source)
 
 
 def _hull(plan: Plan, wanted: str | None) -> int:

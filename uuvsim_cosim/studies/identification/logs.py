@@ -158,7 +158,14 @@ def _ardupilot(path: Path) -> Signals:
               "ATT", "XKF1", "NKF1", "IMU", "RCOU", "BAT"]  # fmt: skip
     kept: dict[str, list[tuple[float, list[float]]]] = {}
     names: set[str] = set()
-    _begins_well(path)
+    with path.open("rb") as file:
+        head = file.read(9)
+    if path.suffix.lower() == ".bin":
+        good, expected = head[:2] == b"\xa3\x95", "a dataflash log of ArduPilot"
+    else:
+        good, expected = head[8:9] in (b"\xfe", b"\xfd", b"\x55"), "a telemetry log of MAVLink"
+    if not good:
+        raise InputInvalid(path, f"begins with {head.hex(' ') or 'nothing'}", expected)
     log: Any = None
     try:
         log = mavutil.mavlink_connection(str(path), dialect="ardupilotmega")
@@ -181,24 +188,9 @@ def _ardupilot(path: Path) -> Signals:
     if "pwm" not in kept:
         lacking.append("the thrusters' commands (RCOU; SERVO_OUTPUT_RAW)")
     if lacking:
-        there = (
-            ", ".join(sorted(n for n in names if n not in ("BAD_DATA", "FMT"))[:12]) or "nothing"
-        )
+        there = ", ".join(sorted(names - {"BAD_DATA", "FMT"})[:12]) or "nothing"
         raise InputInvalid(f"{path}: lacks {' and '.join(lacking)}; there are {there}")
     return _merged(kept, path)
-
-
-def _begins_well(path: Path) -> None:
-    """Raise InputInvalid for a file whose first bytes are not those of a log."""
-    with path.open("rb") as file:
-        head = file.read(9)
-    dataflash = path.suffix.lower() == ".bin"
-    good = (
-        head[:2] == b"\xa3\x95" if dataflash else len(head) == 9 and head[8] in (0xFE, 0xFD, 0x55)
-    )
-    if not good:
-        kind = "a dataflash log of ArduPilot" if dataflash else "a telemetry log of MAVLink"
-        raise InputInvalid(path, f"begins with {head.hex(' ') or 'nothing'}", kind)
 
 
 def _keep(kept: dict[str, list[tuple[float, list[float]]]], kind: str, m: Any) -> None:
@@ -247,17 +239,20 @@ def _merged(kept: Mapping[str, list[tuple[float, list[float]]]], path: Path) -> 
         inside = t >= begin
         return np.searchsorted(time, t[inside]), values[first][inside]
 
-    if "att" in series:
-        at, values = place("att")
-        eta[at, 3:] = values
-    if "rates" in series:
-        at, values = place("rates")
-        nu[at, 3:] = values
+    for name, to in (("att", eta), ("rates", nu)):
+        if name in series:
+            at, values = place(name)
+            to[at, 3:] = values
     if "state" in series:
         at, values = place("state")
         eta[at, :3] = values[:, :3]
         if "att" in series:
-            nu[at, :3] = _in_body(series["att"], time[at], values[:, 3:])
+            from scipy.spatial.transform import Rotation
+
+            t, angles = series["att"]  # interpolated between the samples of attitude
+            unwrapped = np.unwrap(angles, axis=0)
+            euler = np.stack([np.interp(time[at], t, unwrapped[:, k]) for k in range(3)], axis=1)
+            nu[at, :3] = Rotation.from_euler("ZYX", euler[:, ::-1]).inv().apply(values[:, 3:])
     pwm = _held(time, *series["pwm"])
     used = [i for i in range(pwm.shape[1]) if np.any(pwm[:, i] > 0)]
     pwm = pwm[:, : max(used, default=0) + 1]
@@ -272,14 +267,3 @@ def _held(time: Array, t: Array, values: Array) -> Array:
     i = np.clip(np.searchsorted(t, time, side="right") - 1, 0, len(t) - 1)
     held: Array = values[i]
     return held
-
-
-def _in_body(att: tuple[Array, Array], time: Array, velocity: Array) -> Array:
-    """Turn velocities (n, 3) in NED to body axes, by the attitude between its samples."""
-    from scipy.spatial.transform import Rotation
-
-    t, angles = att
-    unwrapped = np.unwrap(angles, axis=0)
-    euler = np.stack([np.interp(time, t, unwrapped[:, k]) for k in range(3)], axis=1)
-    turned: Array = Rotation.from_euler("ZYX", euler[:, ::-1]).inv().apply(velocity)
-    return turned

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from fnmatch import fnmatchcase
 from typing import Any
@@ -11,9 +11,8 @@ import casadi as ca
 import numpy as np
 
 from uuvsim_cosim.errors import InputInvalid
-from uuvsim_cosim.fmus.description import Variable
 from uuvsim_cosim.models.declaration.evaluation import Evaluation
-from uuvsim_cosim.models.declaration.model import Declared, Model
+from uuvsim_cosim.models.declaration.model import Declared, Kind, Model
 from uuvsim_cosim.models.declaration.near_names import expected_names
 from uuvsim_cosim.models.intrinsics.table import TABLES, interpolants
 from uuvsim_cosim.orchestrator.plan.plan import Plan
@@ -45,10 +44,8 @@ class Part:
         source = resolve(planned.source)
         if not isinstance(source, ModelSource):
             raise InputInvalid(
-                (
-                    f"{planned.path} is {planned.description.kind} ({planned.source}), "
-                    "whose equations are not known"
-                ),
+                f"{planned.path} is {planned.description.kind} ({planned.source}), "
+                "whose equations are not known",
                 "a declaration (model:…) in what is identified",
             )
         self.index, self.path = index, planned.path
@@ -63,11 +60,6 @@ class Part:
             v.name: np.asarray(start.get(v.name, v.start), dtype=float).ravel()
             for v in self.model.of_kind("input")
         }
-
-    @property
-    def is_hull(self) -> bool:
-        """Whether it has the states that every hull has."""
-        return {v.name for v in self.model.of_kind("state")} >= set(HULL_STATES)
 
     @property
     def calls(self) -> list[str]:
@@ -90,14 +82,14 @@ class Part:
         """Return the system's value of a parameter, or of an input, that is one number."""
         return float(self.inputs[name][0] if name in self.inputs else self.p[self.place(name)])
 
-    def place(self, parameter: str) -> int:
-        """Return where a parameter begins in `p`."""
+    def place(self, name: str, kind: Kind = "parameter") -> int:
+        """Return where a variable begins in the vector of all of its kind."""
         at = 0
-        for v in self.model.of_kind("parameter"):
-            if v.name == parameter:
+        for v in self.model.of_kind(kind):
+            if v.name == name:
                 return at
             at += v.size
-        raise KeyError(parameter)
+        raise KeyError(name)
 
 
 def wanted_parameters(plan: Plan, hull: int, texts: Sequence[str]) -> list[Fitted]:
@@ -109,8 +101,12 @@ def wanted_parameters(plan: Plan, hull: int, texts: Sequence[str]) -> list[Fitte
     names: dict[str, tuple[int, str]] = {}
     parts: dict[int, Part] = {}
     sizes: dict[str, int] = {}
+    fed = {(t.target, t.target_variable.name) for t in plan.transfers}
     for i, c in enumerate(plan.components):
-        for v in (*c.description.of("parameter"), *_held_inputs(plan, i)):
+        # Inputs that nothing feeds and that could be constant, as the voltage of a supply.
+        held = (v for v in c.description.of("input") if (i, v.name) not in fed
+                and v.name not in ("u", "tau", "thrust", "force") and v.shape == ())  # fmt: skip
+        for v in (*c.description.of("parameter"), *held):
             names[f"{c.path}.{v.name}"] = (i, v.name)
             sizes[f"{c.path}.{v.name}"] = int(np.prod(v.shape, dtype=int))
     wrong, found = [], []
@@ -133,24 +129,14 @@ def wanted_parameters(plan: Plan, hull: int, texts: Sequence[str]) -> list[Fitte
         for n in hits:
             parts.setdefault(names[n][0], Part(plan, names[n][0]))
         places = tuple(names[n] for n in hits)
-        part = parts[places[0][0]]
-        declared = part.model.variables[places[0][1]]
-        starts = [parts[i].start_of(n) for i, n in places]
-        low, high = _bounds(declared, float(np.mean(starts)))
-        found.append(Fitted(full, places, float(np.mean(starts)), declared.unit, low, high))
+        declared = parts[places[0][0]].model.variables[places[0][1]]
+        start = float(np.mean([parts[i].start_of(n) for i, n in places]))
+        found.append(Fitted(full, places, start, declared.unit, *_bounds(declared, start)))
     if not found and not wrong:
         wrong = ["no parameters; expected names such as D_q_11,M_A_11,thruster_*.K_n"]
     if wrong:
         raise InputInvalid("--parameters: " + "; ".join(wrong))
     return found
-
-
-def _held_inputs(plan: Plan, i: int) -> Iterator[Variable]:
-    """Return the inputs that nothing feeds and that could be a constant, as a supply's voltage."""
-    fed = {t.target_variable.name for t in plan.transfers if t.target == i}
-    for v in plan.components[i].description.of("input"):
-        if v.name not in fed and v.name not in ("u", "tau", "thrust", "force") and v.shape == ():
-            yield v
 
 
 def _bounds(declared: Declared, start: float) -> tuple[float, float]:

@@ -7,22 +7,23 @@ a grid point, and NaN without one. A missing signal is refused by name, with sim
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import partial
 
+import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
 from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.models.declaration.element_names import split_element_name
-from uuvsim_cosim.models.declaration.model import Model
 from uuvsim_cosim.models.declaration.near_names import close_names, expected_names
 from uuvsim_cosim.models.guidance.sampled_signal import Signal
 from uuvsim_cosim.orchestrator.plan.plan import Plan
 from uuvsim_cosim.orchestrator.recording.signals import Signals
 from uuvsim_cosim.orchestrator.system.resolve import resolve
 from uuvsim_cosim.orchestrator.system.sources import ModelSource
-from uuvsim_cosim.studies.identification.fitted_model import Feed, GreyBox
+from uuvsim_cosim.studies.identification.fitted_model import Feed, GreyBox, feed_of
 
 __all__ = ["ANGLES", "MEASURED", "Grid", "Lookup", "grid_of"]
 
@@ -109,7 +110,17 @@ def grid_of(
     # Delayed inputs of the first steps lie before the recording: the grid begins after them.
     begin = float(t[min(np.searchsorted(t, t[0] + max((f.delay for f in box.feeds), default=0.0)
                                         - 1e-9), len(t) - 1)])  # fmt: skip
-    step = _step(t, h)
+    if h is None:
+        usual = float(np.median(np.diff(t)))
+        # As fine as the samples, unless that takes too long: the error of integration is not noise,
+        # so intervals do not contain it.
+        least = max(usual, _FINEST, (t[-1] - t[0]) / _ENOUGH_STEPS)
+        coarser = max(1.0, float(np.floor(min(least, _FINE) / usual + 1e-9)))
+        step = usual if usual >= _FINE else usual * coarser
+    elif np.isfinite(h) and h > 0:
+        step = h
+    else:
+        raise InputInvalid(f"--step {h:g}: expected seconds above 0")
     K = int(np.floor((t[-1] - begin) / step + 1e-6))
     if not 20 <= K <= _MOST_STEPS:
         raise InputInvalid(
@@ -134,11 +145,8 @@ def grid_of(
     if wrong:
         raise InputInvalid(
             f"the recording lacks {', '.join(dict.fromkeys(wrong))}",
-            (
-                f"what drives {', '.join(p.path for p in box.parts.values())}, and "
-                f"what was measured of {hull} (--map component.variable=signal says "
-                "what stands for it)"
-            ),
+            f"what drives {', '.join(p.path for p in box.parts.values())}, and what was measured "
+            f"of {hull} (--map component.variable=signal says what stands for it)",
         )
     y = np.full((12, K + 1), np.nan)
     for k, name in ((0, eta), (6, nu)):
@@ -172,20 +180,6 @@ def _times(signals: Signals, first: float, last: float | None) -> tuple[Array, N
         raise InputInvalid(f"no samples from {first:g} s on; the recording holds {span}")
     place = np.flatnonzero(rising)
     return time[place], place
-
-
-def _step(t: Array, h: float | None) -> float:
-    if h is not None:
-        if not (np.isfinite(h) and h > 0):
-            raise InputInvalid(f"--step {h:g}: expected seconds above 0")
-        return h
-    usual = float(np.median(np.diff(t)))
-    if usual >= _FINE:
-        return usual
-    # As fine as the samples, unless that takes too long: the error of integration is not noise, so
-    # intervals do not contain it.
-    least = max(usual, _FINEST, (t[-1] - t[0]) / _ENOUGH_STEPS)
-    return usual * max(1.0, float(np.floor(min(least, _FINE) / usual + 1e-9)))
 
 
 def _moments(t: Array, values: Array, grid: Array, delay: float) -> Array:
@@ -308,55 +302,32 @@ class _Supply:
         # Only what makes a force of a command at once: a thruster, a wrench, a fin.
         if model.clocks or not outputs & _FORCES or "tau_d" in outputs:
             return None
-        signals: dict[str, Array] = {}
-        used = _used_inputs(model)
+        # Only the inputs that the equations of force read; a shaft may declare others.
+        forces = [v.symbol for v in model.of_kind("output") if v.name in _FORCES]
+        every = ca.vertcat(*(ca.vec(e) for e in (*forces, *model.derivatives.values())))
+        used = {s.element_hash() for s in ca.symvar(every)}
+        inputs = {}
         for v in model.of_kind("input"):
-            if v.name not in used:
+            if used.isdisjoint(s.element_hash() for s in v.symbol.nonzeros()):
                 continue
-            columns = []
+            held = []
             for e in range(v.size):
-                column = self._into(i, v.name, e)
+                column = self.of(feed_of(self.plan, i, v.name, e))
                 if column is None:
                     return None
-                columns.append(column)
-            signals[v.name] = np.stack(columns, axis=1)
+                held.append(Signal(self.t, np.nan_to_num(column), True))
+            inputs[v.name] = partial(_values_at, held)
         known = {v.name for v in model.of_kind("parameter")}
-        given = {k: np.asarray(v, dtype=float) for k, v in component.start.items() if k in known}
-        held = {
-            n: [Signal(self.t, np.nan_to_num(c), True) for c in columns.T]
-            for n, columns in signals.items()
-        }
         made = simulate(
             model,
             at=[float(s) for s in self.t],
             h=model.h_max,
-            inputs={n: _together(f) for n, f in held.items()},
-            parameters=given,
+            inputs=inputs,
+            parameters={k: np.asarray(v, float) for k, v in component.start.items() if k in known},
         )
         self.computed.append(component.path)
         return {v.name: made[v.name] for v in model.of_kind("output")}
 
-    def _into(self, i: int, name: str, element: int) -> Array | None:
-        for t in self.plan.transfers:
-            if t.target == i and t.target_variable.name == name and element in t.target_elements:
-                e = t.source_elements[t.target_elements.index(element)]
-                return self.of(Feed(t.source, t.source_variable.name, e, t.factor, t.offset))
-        return self.of(Feed(i, name, element, free=True))
 
-
-def _together(signals: list[Signal]) -> Callable[[float], list[float]]:
-    return lambda s: [signal(s) for signal in signals]
-
-
-def _used_inputs(model: Model) -> set[str]:
-    """Return the inputs that the equations of force read; a shaft may declare others."""
-    import casadi as ca
-
-    outputs = [v.symbol for v in model.of_kind("output") if v.name in _FORCES]
-    every = ca.vertcat(*(ca.vec(e) for e in (*outputs, *model.derivatives.values())))
-    used = {s.element_hash() for s in ca.symvar(every)}
-    return {
-        v.name
-        for v in model.of_kind("input")
-        if used & {s.element_hash() for s in v.symbol.nonzeros()}
-    }
+def _values_at(signals: list[Signal], time: float) -> list[float]:
+    return [signal(time) for signal in signals]
