@@ -12,7 +12,7 @@ from pettingzoo.utils.conversions import parallel_to_aec
 from tests.envs.two import Advance, vehicles
 from uuvsim_cosim.envs import Task, TeamTask
 from uuvsim_cosim.envs.conformance.suite import check
-from uuvsim_cosim.envs.task.channel import Channel
+from uuvsim_cosim.envs.task.task import Channel
 from uuvsim_cosim.envs.tasks.tracking_scenarios import target
 from uuvsim_cosim.envs.team import CosimParallelEnv
 from uuvsim_cosim.errors import InputInvalid

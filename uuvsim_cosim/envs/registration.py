@@ -6,7 +6,7 @@ from collections.abc import Callable
 from importlib import import_module
 from typing import TYPE_CHECKING
 
-from uuvsim_cosim.envs.task.argument_checks import refuse_options
+from uuvsim_cosim.envs.task.checks import refuse_options
 from uuvsim_cosim.errors import InputInvalid
 
 if TYPE_CHECKING:

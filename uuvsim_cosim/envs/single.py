@@ -15,7 +15,7 @@ from uuvsim_cosim.envs.episodes.single_agent import Stage
 from uuvsim_cosim.envs.episodes.time_limit import limited
 from uuvsim_cosim.envs.pictures.screen import Screen
 from uuvsim_cosim.envs.plants.choice import Backend
-from uuvsim_cosim.envs.task.argument_checks import base_seed, refuse_options, start_of
+from uuvsim_cosim.envs.task.checks import base_seed, refuse_options, start_of
 from uuvsim_cosim.envs.task.task import Task
 from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.orchestrator.system.system import System

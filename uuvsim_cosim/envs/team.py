@@ -14,7 +14,7 @@ from pettingzoo import ParallelEnv
 from uuvsim_cosim.envs.episodes.multi_agent import TeamMoment, TeamStage
 from uuvsim_cosim.envs.pictures.screen import Screen
 from uuvsim_cosim.envs.plants.choice import Backend
-from uuvsim_cosim.envs.task.argument_checks import base_seed, start_of
+from uuvsim_cosim.envs.task.checks import base_seed, start_of
 from uuvsim_cosim.envs.task.task import TeamTask
 from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.models.declaration.near_names import expected_names

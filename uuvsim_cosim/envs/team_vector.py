@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from uuvsim_cosim.envs import vector_info
 from uuvsim_cosim.envs.episodes.multi_agent import TeamMoment, TeamStage
 from uuvsim_cosim.envs.plants.choice import Backend, DType
-from uuvsim_cosim.envs.task.argument_checks import base_seed, mask_of, start_of, whole
+from uuvsim_cosim.envs.task.checks import base_seed, mask_of, start_of, whole
 from uuvsim_cosim.envs.task.task import TeamTask
 from uuvsim_cosim.errors import InputInvalid
 

@@ -17,8 +17,8 @@ from uuvsim_cosim.envs.episodes.single_agent import Stage
 from uuvsim_cosim.envs.episodes.time_limit import limited
 from uuvsim_cosim.envs.pictures.screen import Screen
 from uuvsim_cosim.envs.plants.choice import Backend, DType
-from uuvsim_cosim.envs.task.argument_checks import base_seed, mask_of, start_of, whole
-from uuvsim_cosim.envs.task.instant import Instant
+from uuvsim_cosim.envs.task.checks import base_seed, mask_of, start_of, whole
+from uuvsim_cosim.envs.task.signals import Instant
 from uuvsim_cosim.envs.task.task import Task
 from uuvsim_cosim.errors import InputInvalid
 

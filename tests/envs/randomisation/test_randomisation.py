@@ -23,9 +23,8 @@ from uuvsim_cosim.envs.randomisation.published import (
     thruster_strength,
 )
 from uuvsim_cosim.envs.randomisation.randomisation import Randomisation, Vary
-from uuvsim_cosim.envs.task.channel import Channel
 from uuvsim_cosim.envs.task.episode_draws import Draws
-from uuvsim_cosim.envs.task.task import Moment, Task
+from uuvsim_cosim.envs.task.task import Channel, Moment, Task
 from uuvsim_cosim.envs.tasks import TargetTracking
 from uuvsim_cosim.envs.team import CosimParallelEnv
 from uuvsim_cosim.errors import InputInvalid, SystemInvalid

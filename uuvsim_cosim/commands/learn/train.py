@@ -10,9 +10,7 @@ import typer
 from uuvsim_cosim.commands.learn.train_seeds import seeds_of, train_seeds
 from uuvsim_cosim.commands.learn.training_progress import TrainingProgress
 from uuvsim_cosim.commands.shared.completion import of, tasks
-from uuvsim_cosim.commands.shared.nested_options import nested
-from uuvsim_cosim.commands.shared.out_option import folder_option
-from uuvsim_cosim.commands.shared.ray_option import RAY
+from uuvsim_cosim.commands.shared.options import RAY, folder_option, nested
 from uuvsim_cosim.commands.shared.terminal import file_table, line, notice, number, put, table
 from uuvsim_cosim.errors import InputInvalid
 

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 
 import typer
 
-from uuvsim_cosim.commands.shared.ray_option import clustered
-from uuvsim_cosim.commands.shared.study_progress import StudyProgress
+from uuvsim_cosim.commands.shared.options import clustered
+from uuvsim_cosim.commands.shared.progress import StudyProgress
 from uuvsim_cosim.commands.shared.terminal import line, notice, number, table, tilde
 from uuvsim_cosim.commands.shared.termination import Termination
 from uuvsim_cosim.errors import InputInvalid

@@ -10,8 +10,7 @@ import typer
 from uuvsim_cosim.commands.models.fmu_system import client_command, system_command
 from uuvsim_cosim.commands.shared.answer import answer
 from uuvsim_cosim.commands.shared.completion import models
-from uuvsim_cosim.commands.shared.fmu_options import fmi_version, platform_names
-from uuvsim_cosim.commands.shared.out_option import folder_option
+from uuvsim_cosim.commands.shared.options import fmi_version, folder_option, platform_names
 from uuvsim_cosim.commands.shared.terminal import (
     console,
     file_line,

@@ -9,8 +9,7 @@ from typing import Annotated
 import typer
 
 from uuvsim_cosim.commands.shared.completion import of, replacements, systems
-from uuvsim_cosim.commands.shared.fmu_options import fmi_version, platform_names
-from uuvsim_cosim.commands.shared.name_value_options import assignments
+from uuvsim_cosim.commands.shared.options import assignments, fmi_version, platform_names
 from uuvsim_cosim.commands.shared.system_options import SET, edited_system
 from uuvsim_cosim.commands.shared.terminal import console, file_line
 

@@ -8,18 +8,18 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from uuvsim_cosim.commands.run.live_view import Watched
+from uuvsim_cosim.commands.run.map import mapped
 from uuvsim_cosim.commands.run.summary import show_run, summary
-from uuvsim_cosim.commands.run.survey_map import mapped
+from uuvsim_cosim.commands.run.view import Watched
 from uuvsim_cosim.commands.shared.completion import components, of, replacements, systems
-from uuvsim_cosim.commands.shared.name_value_options import (
+from uuvsim_cosim.commands.shared.options import (
     assignments,
+    expect_folder,
     rates,
     seconds,
     step_text,
 )
-from uuvsim_cosim.commands.shared.out_option import expect_folder
-from uuvsim_cosim.commands.shared.run_progress import RunProgress
+from uuvsim_cosim.commands.shared.progress import RunProgress
 from uuvsim_cosim.commands.shared.system_options import MAP, SET, edited_system
 from uuvsim_cosim.commands.shared.terminal import file_line, line, notice, put, remark, tilde
 from uuvsim_cosim.errors import ComponentFailed, InputInvalid, LoopNotConverged

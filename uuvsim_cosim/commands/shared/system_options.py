@@ -6,7 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from uuvsim_cosim.commands.shared.name_value_options import by_component, value_of
+from uuvsim_cosim.commands.shared.options import by_component, value_of
 from uuvsim_cosim.errors import InputInvalid
 
 if TYPE_CHECKING:

@@ -10,15 +10,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uuvsim_cosim.envs.episodes.spaces import ActionBox
-from uuvsim_cosim.envs.episodes.start_values import rows_of
 from uuvsim_cosim.envs.plants.plant import Plant
 from uuvsim_cosim.envs.task.episode_draws import Draws
-from uuvsim_cosim.envs.task.instant import Instant, mixed
-from uuvsim_cosim.envs.task.signals import Signals, refuse
+from uuvsim_cosim.envs.task.signals import Instant, Signals, mixed, refuse
 from uuvsim_cosim.envs.task.task import Task, TeamTask
 from uuvsim_cosim.errors import ComponentFailed, InputInvalid, Problem
+from uuvsim_cosim.fmus.description import Variable
+from uuvsim_cosim.models.declaration.near_names import expected_names
 
-__all__ = ["AGENT", "Episodes", "check_times"]
+__all__ = ["AGENT", "Episodes", "check_times", "rows_of"]
 
 AGENT = "agent"  # the agent of a task of one
 Array = NDArray[np.float64]
@@ -261,3 +261,40 @@ def _cleared(values: NDArray[T], rows: NDArray[np.intp]) -> NDArray[T]:
 
 def _seconds(time: Fraction) -> str:
     return f"{float(time):g} s" if time == Fraction(str(float(time))) else f"{time} s"
+
+
+def rows_of(variables: Mapping[str, Variable], name: str, value: object, n: int) -> Array:
+    """Return a start value with one row for each of n environments; raises InputInvalid."""
+    variable = variables.get(name)
+    if variable is None:
+        expected = expected_names(name, variables, "COMPONENT.VARIABLE")
+        raise InputInvalid(f"start value {name!r}", "no such variable", expected)
+    if variable.causality not in ("input", "parameter"):
+        raise InputInvalid(
+            f"start value {name!r}",
+            f"is of causality {variable.causality}",
+            "a parameter or an input",
+        )
+    try:
+        array = np.asarray(value, dtype=float)
+    except (TypeError, ValueError):
+        raise InputInvalid(f"start value {name!r}", f"{value!r}", "numbers") from None
+    shape = (n, *variable.shape)
+    good = np.isfinite(array).all()
+    if array.shape not in (shape, variable.shape) or not good:
+        read = f"of shape {array.shape}" if good else "that are not finite"
+        raise InputInvalid(
+            f"start value {name!r}",
+            f"numbers {read}",
+            f"finite ones of shape {variable.shape} or {shape}",
+        )
+    low = -np.inf if variable.min is None else variable.min
+    high = np.inf if variable.max is None else variable.max
+    outside = np.argwhere((array < low) | (array > high))
+    if len(outside):
+        first = tuple(outside[0])
+        where = f" in environment {first[0]}" if array.shape == shape and n > 1 else ""
+        raise InputInvalid(
+            f"start value {name!r}", f"{array[first]}{where}", f"finite numbers in [{low}, {high}]"
+        )
+    return array if array.shape == shape else np.broadcast_to(array, shape)

@@ -12,12 +12,11 @@ from numpy.typing import NDArray
 
 from uuvsim_cosim.envs.episodes.episodes import Episodes, check_times
 from uuvsim_cosim.envs.episodes.spaces import ActionBox
-from uuvsim_cosim.envs.pictures.every_hull import hulls
+from uuvsim_cosim.envs.pictures.screen import hulls
 from uuvsim_cosim.envs.plants.choice import Backend, DType, plant_of
-from uuvsim_cosim.envs.task.instant import Instant
-from uuvsim_cosim.envs.task.signals import Signals, refuse
+from uuvsim_cosim.envs.task.checks import check_failure_reward, infos_of, refuse_infinite
+from uuvsim_cosim.envs.task.signals import Instant, Signals, refuse
 from uuvsim_cosim.envs.task.task import TeamTask
-from uuvsim_cosim.envs.task.task_checks import check_failure_reward, infos_of, refuse_infinite
 from uuvsim_cosim.errors import InputInvalid, Problem
 from uuvsim_cosim.orchestrator.plan.flatten import flatten
 
@@ -84,7 +83,7 @@ class TeamStage:
                 *check_times(task, plan.tick),
                 *self._problems(task),
                 *signals.problems,
-                *check_failure_reward(task),
+                *check_failure_reward(task.failure_reward),
             ],
         )
         acts = [target for box in self.boxes.values() for target in box.targets]

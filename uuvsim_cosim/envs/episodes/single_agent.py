@@ -10,17 +10,16 @@ from numpy.typing import NDArray
 
 from uuvsim_cosim.envs.episodes.episodes import AGENT, Episodes, check_times
 from uuvsim_cosim.envs.episodes.spaces import ActionBox, ObservationBox
-from uuvsim_cosim.envs.pictures.every_hull import hulls
+from uuvsim_cosim.envs.pictures.screen import hulls
 from uuvsim_cosim.envs.plants.choice import Backend, DType, plant_of
-from uuvsim_cosim.envs.task.instant import Instant
-from uuvsim_cosim.envs.task.signals import Signals, refuse
-from uuvsim_cosim.envs.task.task import Task
-from uuvsim_cosim.envs.task.task_checks import (
+from uuvsim_cosim.envs.task.checks import (
     check_failure_reward,
     infos_of,
     refuse_infinite,
     rewards_of,
 )
+from uuvsim_cosim.envs.task.signals import Instant, Signals, refuse
+from uuvsim_cosim.envs.task.task import Task
 from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.orchestrator.plan.flatten import flatten
 
@@ -71,7 +70,7 @@ class Stage:
                 *self.action_box.problems,
                 *signals.problems,
                 *observations,
-                *check_failure_reward(task),
+                *check_failure_reward(task.failure_reward),
             ],
         )
         plant = plant_of(

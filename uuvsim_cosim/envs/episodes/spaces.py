@@ -8,8 +8,8 @@ from typing import final
 import numpy as np
 from numpy.typing import NDArray
 
-from uuvsim_cosim.envs.task.channel import Channel
 from uuvsim_cosim.envs.task.signals import Named, Signals, resolved
+from uuvsim_cosim.envs.task.task import Channel
 from uuvsim_cosim.errors import InputInvalid, Problem
 from uuvsim_cosim.orchestrator.plan.plan import Plan
 from uuvsim_cosim.orchestrator.values.values import Misfit, conversion

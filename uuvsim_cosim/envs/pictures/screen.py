@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, Protocol, final
 
 import numpy as np
@@ -9,12 +10,13 @@ from numpy.typing import NDArray
 
 from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.orchestrator.plan.flatten import flatten
+from uuvsim_cosim.orchestrator.plan.plan import Plan
 
 if TYPE_CHECKING:
-    from uuvsim_cosim.envs.pictures.picture import Picture
+    from uuvsim_cosim.envs.pictures.picture import Picture, View
     from uuvsim_cosim.envs.pictures.window import Window
 
-__all__ = ["Screen"]
+__all__ = ["Screen", "every_hull", "hulls"]
 
 MODES = ("rgb_array", "human")
 
@@ -60,7 +62,7 @@ class Screen:
             picture = self._pictures[row] = Picture()
         view = task.view(moment, row)
         if view is None:
-            from uuvsim_cosim.envs.pictures.every_hull import every_hull, hulls
+            from uuvsim_cosim.envs.pictures.screen import every_hull, hulls
 
             if self._hulls is None:
                 self._hulls = hulls(flatten(task.system))
@@ -80,3 +82,24 @@ class Screen:
         window, self._window = self._window, None
         if window is not None:
             window.close()
+
+
+def hulls(plan: Plan) -> list[str]:
+    """Return the paths of components that have a pose `eta` (6) and are moved by `tau` (6)."""
+    found = []
+    for c in plan.components:
+        eta, tau = (c.description.variables.get(name) for name in ("eta", "tau"))
+        if eta is not None and (eta.causality, eta.shape) == ("output", (6,)) and tau is not None:
+            found.append(c.path)
+    return found
+
+
+def every_hull(paths: Sequence[str], moment: Any, row: int) -> View:
+    """Draw the hulls at some paths, as bodies of half a metre."""
+    from uuvsim_cosim.envs.pictures.picture import Vehicle, View
+
+    vehicles = []
+    for path in paths:
+        eta = np.asarray(moment[f"{path}.eta"][row], float)
+        vehicles.append(Vehicle(path, eta.tolist(), length=0.5, breadth=0.35))
+    return View(vehicles=vehicles, time=float(moment.time[row]))

@@ -9,7 +9,7 @@ from typing import Literal
 
 from uuvsim_cosim.envs.plants.memory_limit import LEAST_MASTER, refuse_beyond
 from uuvsim_cosim.envs.plants.plant import Plant
-from uuvsim_cosim.envs.task.argument_checks import whole
+from uuvsim_cosim.envs.task.checks import whole
 from uuvsim_cosim.errors import InputInvalid, SystemInvalid
 from uuvsim_cosim.kernels import Kernel, fuse
 from uuvsim_cosim.orchestrator.master.prepared import prepare

@@ -1,10 +1,10 @@
-"""Signals by name: the variables that a task reads, as rows of one array."""
+"""Signals by name: the variables that a task reads, as rows of one array, and moments of them."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, final
+from typing import Any, TypeVar, final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +15,7 @@ from uuvsim_cosim.orchestrator.plan.plan import Plan
 from uuvsim_cosim.orchestrator.values.endpoints import resolve_endpoint
 from uuvsim_cosim.orchestrator.values.values import Misfit
 
-__all__ = ["Named", "Signals", "refuse", "resolved"]
+__all__ = ["Instant", "Named", "Signals", "mixed", "refuse", "resolved"]
 
 Array = NDArray[np.float64]
 # A view: its rows, its shape, and the type of the variable unless it is float64.
@@ -115,3 +115,79 @@ class Signals:
         consecutive = len(rows) > 0 and bool(np.all(np.diff(rows) == 1))
         part = slice(int(rows[0]), int(rows[-1]) + 1) if consecutive else rows
         return part, named.shape, _TYPES.get(named.variable.type)
+
+
+T = TypeVar("T", bound=np.generic)
+
+
+def mixed(old: NDArray[T], new: NDArray[T], rows: NDArray[np.intp]) -> NDArray[T]:
+    """Copy values (…, n) of all environments, with the new ones of some."""
+    both = old.copy()
+    both[..., rows] = new[..., rows]
+    return both
+
+
+@final
+class Instant:
+    """The `Moment` protocol over an array of signals, of shape (size, n)."""
+
+    __slots__ = ("_before", "_fresh", "_seconds", "_signals", "action", "start", "step", "values")
+
+    def __init__(
+        self,
+        signals: Signals,
+        values: Array,
+        step: NDArray[np.int64],
+        seconds: tuple[int, int],
+        action: Mapping[str, Array],
+        start: Mapping[str, Array],
+        before: Instant | None = None,
+        fresh: NDArray[np.intp] | None = None,
+    ) -> None:
+        values.flags.writeable = False
+        self._signals = signals
+        self.values = values
+        self.step = step
+        self._seconds = seconds  # of an action, as numerator and denominator
+        self.action = action
+        self.start = start
+        self._before = before
+        self._fresh = fresh  # episodes that have begun since `before`
+
+    @property
+    def n(self) -> int:
+        """The number of environments."""
+        return len(self.step)
+
+    @property
+    def time(self) -> Array:
+        """The seconds since the reset, of shape (n,)."""
+        numerator, denominator = self._seconds
+        return np.asarray(self.step * numerator / denominator)
+
+    @property
+    def before(self) -> Instant:
+        """The moment when the action began; after a reset this moment itself."""
+        if self._before is None:
+            return self
+        if self._fresh is not None:
+            old, fresh = self._before, self._fresh
+            self._before = Instant(
+                self._signals,
+                mixed(old.values, self.values, fresh),
+                mixed(old.step, self.step, fresh),
+                self._seconds,
+                {k: mixed(a.T, self.action[k].T, fresh).T for k, a in old.action.items()},
+                self.start,
+            )
+            self._fresh = None
+        return self._before
+
+    def __getitem__(self, name: str) -> NDArray[Any]:
+        """Return a signal of the task, in the variable's own unit, of shape (n, *shape)."""
+        return self._signals.view(self.values, name)
+
+    def alone(self) -> Instant:
+        """Forget the moment before, so that no chain of moments is kept in memory."""
+        self._before = self._fresh = None
+        return self

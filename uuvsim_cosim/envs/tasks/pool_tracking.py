@@ -14,10 +14,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from uuvsim_cosim.envs.task.channel import Channel
 from uuvsim_cosim.envs.task.episode_draws import Draws
-from uuvsim_cosim.envs.task.symmetry import Symmetry
-from uuvsim_cosim.envs.task.task import Moment
+from uuvsim_cosim.envs.task.task import Channel, Moment, Symmetry
 from uuvsim_cosim.envs.tasks.ranges import flag, within
 from uuvsim_cosim.envs.tasks.target_tracking import A_MAX, OMEGA_MAX, TargetTracking
 from uuvsim_cosim.envs.tasks.tracking_observation import Seen

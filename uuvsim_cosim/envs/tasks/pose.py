@@ -12,9 +12,8 @@ from numpy.typing import NDArray
 
 from uuvsim_cosim.envs.randomisation.published import published, thruster_strength
 from uuvsim_cosim.envs.randomisation.randomisation import Randomisation
-from uuvsim_cosim.envs.task.channel import Channel
 from uuvsim_cosim.envs.task.episode_draws import Draws
-from uuvsim_cosim.envs.task.task import Moment, Randomised, Task
+from uuvsim_cosim.envs.task.task import Channel, Moment, Randomised, Task
 from uuvsim_cosim.envs.tasks.coordinates import R_zyx, in_body, wrap
 from uuvsim_cosim.envs.tasks.ranges import flag, known_options, one_of, pair, randomised, within
 from uuvsim_cosim.orchestrator.shipped.tasks import THRUSTERS, ActedOn, Observed, task_system

@@ -1,6 +1,6 @@
 """Target tracking: N vehicles in a pool follow a moving target, without collisions.
 
-State (5), action (6) and reward (7) of the UUVSim paper; `tracking_rules` holds its numbers, and
+State (5), action (6) and reward (7) of the UUVSim paper; `tracking_reward` holds its numbers, and
 docs/learning/tasks.md lists the choices that the paper leaves open.
 """
 
@@ -14,14 +14,11 @@ from typing import TYPE_CHECKING, Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from uuvsim_cosim.envs.task.channel import Channel
 from uuvsim_cosim.envs.task.episode_draws import Draws
-from uuvsim_cosim.envs.task.symmetry import Symmetry
-from uuvsim_cosim.envs.task.task import Moment, Randomised, TeamTask
+from uuvsim_cosim.envs.task.task import Channel, Moment, Randomised, Symmetry, TeamTask
 from uuvsim_cosim.envs.tasks.ranges import known_options, numbers, one_of, randomised, whole, within
 from uuvsim_cosim.envs.tasks.tracking_observation import Seen, egocentric, largest, symmetries
-from uuvsim_cosim.envs.tasks.tracking_reward import Scene, Terms, reward_terms
-from uuvsim_cosim.envs.tasks.tracking_rules import rules_of
+from uuvsim_cosim.envs.tasks.tracking_reward import Scene, Terms, reward_terms, rules_of
 from uuvsim_cosim.envs.tasks.tracking_start import Arena, drawn_scene, waypoints
 from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.orchestrator.shipped.tracking import (

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from uuvsim_cosim.envs.task.symmetry import Symmetry
+from uuvsim_cosim.envs.task.task import Symmetry
 from uuvsim_cosim.envs.tasks.coordinates import level
 
 __all__ = ["OBSTACLE", "OTHER", "OWN", "TARGET", "Seen", "egocentric", "largest", "symmetries"]

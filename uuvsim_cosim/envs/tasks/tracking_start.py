@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uuvsim_cosim.envs.task.episode_draws import Draws
-from uuvsim_cosim.envs.tasks.tracking_rules import TrackingRules
+from uuvsim_cosim.envs.tasks.tracking_reward import TrackingRules
 from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.models.guidance.target import WAYPOINTS
 
