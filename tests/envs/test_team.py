@@ -88,7 +88,7 @@ def test_an_action_of_three_tenths_is_always_three_communication_steps(
     ticks = []
     for _ in range(100):
         env.step(full(env))
-        plant: Any = env._stage.episodes.plant  # type: ignore[union-attr]
+        plant: Any = env._simulation.episodes.plant  # type: ignore[union-attr]
         ticks.append(plant._batch.tick[0] if backend == "kernel" else plant._rows[0].master.tick)
     assert ticks == list(range(3, 303, 3))
 

@@ -88,7 +88,7 @@ def test_wherever_an_exchange_is_interrupted_a_reset_settles_it(
 def test_a_worker_torn_in_a_message_is_made_anew(monkeypatch: pytest.MonkeyPatch) -> None:
     env = CosimVectorEnv(Drift(), N, backend="master", processes=2)
     expected = lived(env)
-    plant: Any = env._stage.episodes.plant  # type: ignore[union-attr]
+    plant: Any = env._simulation.episodes.plant  # type: ignore[union-attr]
 
     def half(pipe: Any, message: Any) -> None:
         pipe.write(b"\x40\0\0\0")

@@ -271,8 +271,8 @@ def test_a_privileged_team_sees_what_is_drawn_in_each_view_and_in_the_state() ->
     team = CosimParallelEnv(task)
     try:
         seen, _ = team.reset(seed=4)
-        assert team._stage is not None
-        m = team._stage.now.moment.start["tracker_1.hull.m"]
+        assert team._simulation is not None
+        m = team._simulation.now.moment.start["tracker_1.hull.m"]
         low, high = task.drawn.quantities[0].limits
         wanted = 2 * (m[0] - low) / (high - low) - 1
         assert abs(wanted) < 1

@@ -4,26 +4,24 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TypeVar, final
+from typing import TypeVar, Unpack, final
 
 import gymnasium
 import numpy as np
 from numpy.typing import NDArray
 
-from uuvsim_cosim.envs.episodes.episodes import Episodes, check_times
+from uuvsim_cosim.envs.episodes.episodes import Episodes
 from uuvsim_cosim.envs.episodes.spaces import ActionBox
 from uuvsim_cosim.envs.pictures.screen import hulls
-from uuvsim_cosim.envs.plants.choice import Backend, DType, plant_of
+from uuvsim_cosim.envs.plants.choice import PlantOptions
 from uuvsim_cosim.envs.task.checks import check_failure_reward, infos_of, refuse_infinite
-from uuvsim_cosim.envs.task.signals import Instant, Signals, refuse
-from uuvsim_cosim.envs.task.task import TeamTask
+from uuvsim_cosim.envs.task.signals import Instant, Signals
+from uuvsim_cosim.envs.task.task import Array, Mask, TeamTask
 from uuvsim_cosim.errors import InputInvalid, Problem
 from uuvsim_cosim.orchestrator.plan.flatten import flatten
 
-__all__ = ["TeamMoment", "TeamStage"]
+__all__ = ["TeamMoment", "TeamSimulation"]
 
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 T = TypeVar("T", bound=np.generic)
 
 
@@ -47,7 +45,7 @@ class TeamMoment:
 
 
 @final
-class TeamStage:
+class TeamSimulation:
     """The common part of CosimParallelEnv and CosimTeamVectorEnv: a task, its episodes, spaces.
 
     An agent that has ended does not come back in its episode, and one that is not `present` any
@@ -55,15 +53,7 @@ class TeamStage:
     """
 
     def __init__(
-        self,
-        task: TeamTask,
-        n: int,
-        *,
-        backend: Backend = "auto",
-        threads: int = 1,
-        dtype: DType = "float64",
-        processes: int | None = None,
-        drawn: bool = False,
+        self, task: TeamTask, n: int, *, drawn: bool = False, **options: Unpack[PlantOptions]
     ) -> None:
         if not isinstance(task, TeamTask):
             raise InputInvalid(
@@ -77,27 +67,12 @@ class TeamStage:
         self.boxes = {agent: ActionBox(plan, task.actions[agent]) for agent in self.agents}
         self.spaces = {a: self._space(task.limits(a), f"limits({a!r})") for a in self.agents}
         self.state_space = self._space(task.state_limits(), "state_limits()")
-        refuse(
-            self.place,
-            [
-                *check_times(task, plan.tick),
-                *self._problems(task),
-                *signals.problems,
-                *check_failure_reward(task.failure_reward),
-            ],
-        )
-        acts = [target for box in self.boxes.values() for target in box.targets]
-        plant = plant_of(
-            task.system,
-            n,
-            reads=signals.names,
-            acts=acts,
-            backend=backend,
-            threads=threads,
-            dtype=dtype,
-            processes=processes,
-        )
-        self.episodes = Episodes(task, plant, signals, self.boxes)
+        problems = [
+            *self._problems(task),
+            *signals.problems,
+            *check_failure_reward(task.failure_reward),
+        ]
+        self.episodes = Episodes(task, n, signals, self.boxes, problems, **options)
         self._gone = np.zeros((n, len(self.agents)), bool)
         self._now: TeamMoment | None = None
 

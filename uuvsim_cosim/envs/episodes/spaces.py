@@ -9,14 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uuvsim_cosim.envs.task.signals import Named, Signals, resolved
-from uuvsim_cosim.envs.task.task import Channel
+from uuvsim_cosim.envs.task.task import Array, Channel
 from uuvsim_cosim.errors import InputInvalid, Problem
 from uuvsim_cosim.orchestrator.plan.plan import Plan
 from uuvsim_cosim.orchestrator.values.values import Misfit, conversion
 
 __all__ = ["ActionBox", "ObservationBox"]
-
-Array = NDArray[np.float64]
 
 
 @final

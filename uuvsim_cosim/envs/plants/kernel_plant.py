@@ -48,14 +48,6 @@ class KernelPlant:
         self._runs = _runs(self._out)
         self._width = self._cells.shape[2]
 
-    def read(self, name: str) -> NDArray[np.generic]:
-        """Copy a variable: of shape (n, *shape)."""
-        return self._batch.get(name)
-
-    def write(self, name: str, values: NDArray[np.generic]) -> None:
-        """Set an unconnected input or a tunable parameter in all copies: (n, *shape)."""
-        self._batch.set(name, values)
-
     def gather(self) -> Array:
         """Copy what is read: of shape (size, n)."""
         cells = self._cells

@@ -45,14 +45,6 @@ class _Worker:
         self.plant.reset(self._mask.copy(), self._seeds.tolist(), start)
         return self._show()
 
-    def read(self, name: str) -> NDArray[np.generic]:
-        """Copy a variable."""
-        return self.plant.read(name)
-
-    def write(self, name: str, values: NDArray[np.generic]) -> None:
-        """Set a variable."""
-        self.plant.write(name, values)
-
     def _show(self) -> Failures:
         """Write signals and failures into the shared memory; return the failures in words."""
         self._signals[...] = self.plant.gather()

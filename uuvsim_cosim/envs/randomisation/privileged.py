@@ -10,15 +10,13 @@ from numpy.typing import NDArray
 
 from uuvsim_cosim.envs.randomisation.randomisation import Randomisation
 from uuvsim_cosim.envs.task.episode_draws import Draws
-from uuvsim_cosim.envs.task.task import Moment, Task, TeamTask
+from uuvsim_cosim.envs.task.task import Array, Moment, Task, TeamTask
 from uuvsim_cosim.errors import InputInvalid
 
 if TYPE_CHECKING:
     from uuvsim_cosim.envs.pictures.picture import View
 
 __all__ = ["with_privileged"]
-
-Array = NDArray[np.float64]
 
 
 @overload

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uuvsim_cosim.envs.randomisation.distributions import Choice, Constant, Distribution
+from uuvsim_cosim.envs.task.signals import variables_of
 from uuvsim_cosim.errors import InputInvalid, Problem
 from uuvsim_cosim.fmus.description import Variable
 from uuvsim_cosim.models.declaration.near_names import expected_names
@@ -125,11 +126,7 @@ class Places:
             for c in self.plan.components
             for name, value in c.start.items()
         }
-        self.variables: dict[str, Variable] = {
-            f"{c.path}.{v.name}": v
-            for c in self.plan.components
-            for v in c.description.variables.values()
-        }
+        self.variables = variables_of(self.plan)
         self._fed: dict[str, dict[int, str]] = {}
         for t in self.plan.transfers:
             source = f"{self.plan.components[t.source].path}.{t.source_variable.name}"

@@ -15,7 +15,7 @@ from uuvsim_cosim.orchestrator.plan.plan import Plan
 from uuvsim_cosim.orchestrator.values.endpoints import resolve_endpoint
 from uuvsim_cosim.orchestrator.values.values import Misfit
 
-__all__ = ["Instant", "Named", "Signals", "mixed", "refuse", "resolved"]
+__all__ = ["Instant", "Named", "Signals", "mixed", "refuse", "resolved", "variables_of"]
 
 Array = NDArray[np.float64]
 # A view: its rows, its shape, and the type of the variable unless it is float64.
@@ -32,6 +32,13 @@ class Named:
     variable: Variable
     elements: tuple[int, ...]
     shape: tuple[int, ...]
+
+
+def variables_of(plan: Plan) -> Mapping[str, Variable]:
+    """Return the variables of a plan by path and name, "hull.eta"."""
+    return {
+        f"{c.path}.{v.name}": v for c in plan.components for v in c.description.variables.values()
+    }
 
 
 def resolved(plan: Plan, name: str) -> Named:
@@ -59,7 +66,7 @@ class Signals:
     """Variables in rows of an array of shape (size, n), and views of them by name."""
 
     def __init__(self, plan: Plan, names: Iterable[str]) -> None:
-        self._plan = plan
+        self.plan = plan
         self._first: dict[str, int] = {}
         self.size = 0
         self.problems: list[Problem] = []
@@ -101,7 +108,7 @@ class Signals:
 
     def _found(self, name: str) -> View:
         try:
-            named = resolved(self._plan, name)
+            named = resolved(self.plan, name)
         except Misfit as misfit:
             raise InputInvalid(str(misfit.at(f"signal {name!r}"))) from None
         if named.key not in self._first:

@@ -12,10 +12,9 @@ from functools import lru_cache
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from uuvsim_cosim.envs.task.episode_draws import Draws
-from uuvsim_cosim.envs.task.task import Channel, Moment, Symmetry
+from uuvsim_cosim.envs.task.task import Array, Channel, Moment, Symmetry
 from uuvsim_cosim.envs.tasks.ranges import flag, within
 from uuvsim_cosim.envs.tasks.target_tracking import A_MAX, OMEGA_MAX, TargetTracking
 from uuvsim_cosim.envs.tasks.tracking_observation import Seen
@@ -28,7 +27,6 @@ from uuvsim_cosim.orchestrator.system.system import System
 
 __all__ = ["PoolTracking"]
 
-Array = NDArray[np.float64]
 FIXED = ("n_trackers", "n_obstacles", "vehicle", "delay", "knowledge_range", "arena")
 ESTIMATE = (0.02, 0.02, 0.01, 0.0, 0.0, 0.03)  # deviations of the estimated start, m, rad
 

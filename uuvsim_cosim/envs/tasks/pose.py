@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from uuvsim_cosim.envs.randomisation.published import published, thruster_strength
 from uuvsim_cosim.envs.randomisation.randomisation import Randomisation
 from uuvsim_cosim.envs.task.episode_draws import Draws
-from uuvsim_cosim.envs.task.task import Channel, Moment, Randomised, Task
+from uuvsim_cosim.envs.task.task import Array, Channel, Moment, Randomised, Task
 from uuvsim_cosim.envs.tasks.coordinates import R_zyx, in_body, wrap
 from uuvsim_cosim.envs.tasks.ranges import flag, known_options, one_of, pair, randomised, within
 from uuvsim_cosim.orchestrator.shipped.tasks import THRUSTERS, ActedOn, Observed, task_system
@@ -24,7 +24,6 @@ if TYPE_CHECKING:
 
 __all__ = ["FORCE", "SPEED", "PoseTask", "published_vehicle"]
 
-Array = NDArray[np.float64]
 
 # X Y Z [N], K M N [N.m]: what eight T200 give in one axis at a time, less a margin for the
 # others (models/controllers/bluerov2_pid/controller.yaml, tau_max).

@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterator, Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from uuvsim_cosim.envs.task.task import Task, TeamTask
+from uuvsim_cosim.envs.task.task import Array, Task, TeamTask
 from uuvsim_cosim.envs.tasks.altitude_following import FIRST, AltitudeFollowing
 from uuvsim_cosim.envs.tasks.pose import FORCE, SPEED, PoseTask
 from uuvsim_cosim.envs.tasks.target_tracking import A_MAX, OMEGA_MAX, V_MAX, TargetTracking
@@ -28,7 +28,6 @@ __all__ = [
     "with_slope",
 ]
 
-Array = NDArray[np.float64]
 Policy = Callable[[NDArray[np.generic]], Array]
 Policies = Policy | Mapping[str, Policy]  # of one agent, or by agent of a team
 

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uuvsim_cosim.envs.task.episode_draws import Draws
-from uuvsim_cosim.envs.task.task import Channel, Moment, Randomised, Symmetry, TeamTask
+from uuvsim_cosim.envs.task.task import Array, Channel, Mask, Moment, Randomised, Symmetry, TeamTask
 from uuvsim_cosim.envs.tasks.ranges import known_options, numbers, one_of, randomised, whole, within
 from uuvsim_cosim.envs.tasks.tracking_observation import Seen, egocentric, largest, symmetries
 from uuvsim_cosim.envs.tasks.tracking_reward import Scene, Terms, reward_terms, rules_of
@@ -36,8 +36,6 @@ if TYPE_CHECKING:
 
 __all__ = ["TargetTracking"]
 
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 A_MAX, OMEGA_MAX, V_MAX = 0.4, 1.5, 0.4  # m/s2, rad/s, m/s: the preset tracking_pilot
 Motion = Literal["random_heading", "flee", "path", "rest"]
 
