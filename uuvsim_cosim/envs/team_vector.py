@@ -15,7 +15,7 @@ from uuvsim_cosim.envs import vector_info
 from uuvsim_cosim.envs.episodes.environment import Environment
 from uuvsim_cosim.envs.episodes.multi_agent import TeamMoment, TeamSimulation
 from uuvsim_cosim.envs.plants.choice import Backend, DType
-from uuvsim_cosim.envs.task.checks import base_seed, mask_of, start_of, whole
+from uuvsim_cosim.envs.task.checks import base_seed, whole
 from uuvsim_cosim.envs.task.task import Array, Mask, TeamTask
 from uuvsim_cosim.errors import InputInvalid
 
@@ -91,10 +91,7 @@ class CosimTeamVectorEnv(Environment[TeamSimulation]):
     ) -> tuple[NDArray[np.float32], dict[str, Any]]:
         """Begin episode 0 of seeds s, s + 1, …, or without any the next of the same seeds."""
         simulation = self._live()
-        wants = None if self._mode is AutoresetMode.DISABLED else "autoreset mode 'Disabled'"
-        start, mask = start_of(options, mask=wants), mask_of(options, self.num_envs)
-        if mask is not None and not simulation.episodes.begun:
-            raise InputInvalid(simulation.place, "reset_mask before any reset", "a whole one")
+        start, mask = vector_info.reset_options(options, self._mode, simulation)
         team = simulation.reset(mask, seeds=self._seeds(seed), start=start)
         self._ended = np.zeros(self.num_envs, bool) if mask is None else self._ended & ~mask
         return _observations(simulation, team), self._infos(simulation, team)

@@ -16,7 +16,7 @@ from uuvsim_cosim.envs.episodes.environment import Environment, LimitedSpec
 from uuvsim_cosim.envs.episodes.single_agent import TaskSimulation
 from uuvsim_cosim.envs.pictures.screen import Screen
 from uuvsim_cosim.envs.plants.choice import Backend, DType
-from uuvsim_cosim.envs.task.checks import base_seed, mask_of, start_of, whole
+from uuvsim_cosim.envs.task.checks import base_seed, whole
 from uuvsim_cosim.envs.task.signals import Instant
 from uuvsim_cosim.envs.task.task import Mask, Task
 from uuvsim_cosim.errors import InputInvalid
@@ -101,10 +101,7 @@ class CosimVectorEnv(
         One seed s means s, s + 1, …; a list has a seed for each environment.
         """
         simulation = self._live()
-        wants = None if self._mode is AutoresetMode.DISABLED else "autoreset mode 'Disabled'"
-        start, mask = start_of(options, mask=wants), mask_of(options, self.num_envs)
-        if mask is not None and not simulation.episodes.begun:
-            raise InputInvalid(simulation.place, "reset_mask before any reset", "a whole one")
+        start, mask = vector_info.reset_options(options, self._mode, simulation)
         seeds = self._seeds(seed)
         m = simulation.episodes.reset(mask, seeds=seeds, start=start)
         self._ended = np.zeros(self.num_envs, bool) if mask is None else self._ended & ~mask
