@@ -48,7 +48,7 @@ def cache_dir(*parts: str) -> Path:
             raise InputInvalid(
                 f"UUVSIM_CACHE={asked}", "there is no home folder", "a path without ~"
             ) from None
-        root = _private()
+        root = _private_folder()
     folder = root.joinpath(*parts)
     try:
         folder.mkdir(parents=True, exist_ok=True)
@@ -60,7 +60,7 @@ def cache_dir(*parts: str) -> Path:
     return folder
 
 
-def _private() -> Path:
+def _private_folder() -> Path:
     """Return a temporary folder that only this user can write, since code is loaded from it."""
     user = getattr(os, "getuid", lambda: 0)()  # Windows has no user numbers
     folder = Path(tempfile.gettempdir()) / f"uuvsim-cosim-{user}"

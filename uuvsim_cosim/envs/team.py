@@ -52,6 +52,7 @@ class CosimParallelEnv(
             team_task, 1, backend=backend, drawn=render_mode is not None
         )
         self.task = team_task
+        self._place = simulation.place
         self.render_mode = render_mode
         self.backend = backend
         self.metadata = {
@@ -103,7 +104,19 @@ class CosimParallelEnv(
     ]:
         """Act for one action step; `actions` has one for each of `agents`."""
         simulation = self._live()
-        self._check(actions)
+        place = self._place
+        if not isinstance(actions, Mapping):
+            raise InputInvalid(place, f"actions {actions!r}", "an action by agent")
+        if not self.agents:
+            raise InputInvalid(place, "nobody is there to act", "reset() before step()")
+        for agent in actions:
+            if self._known(agent) not in self.agents:
+                read = f"an action for {agent!r}, who has ended or has not come yet"
+                raise InputInvalid(place, read, f"actions for {', '.join(self.agents)}")
+        missing = [repr(a) for a in self.agents if a not in actions]
+        if missing:
+            expected = f"one for each of {', '.join(self.agents)}"
+            raise InputInvalid(place, f"no action for {', '.join(missing)}", expected)
         idle = {a: np.zeros((1, box.width)) for a, box in simulation.boxes.items()}
         team = simulation.act({**idle, **{a: np.asarray(actions[a])[None] for a in self.agents}})
         self.agents = self._those(team.present)
@@ -167,30 +180,5 @@ class CosimParallelEnv(
     def _known(self, agent: str) -> str:
         if agent not in self.possible_agents:
             known = expected_names(agent, self.possible_agents)
-            raise InputInvalid(self._place(), f"no agent {agent!r}", known)
+            raise InputInvalid(self._place, f"no agent {agent!r}", known)
         return agent
-
-    def _check(self, actions: Mapping[str, object]) -> None:
-        place = self._place()
-        if not isinstance(actions, Mapping):
-            raise InputInvalid(place, f"actions {actions!r}", "an action by agent")
-        if not self.agents:
-            raise InputInvalid(place, "nobody is there to act", "reset() before step()")
-        for agent in actions:
-            self._known(agent)
-            if agent not in self.agents:
-                raise InputInvalid(
-                    place,
-                    f"an action for {agent!r}, who has ended or has not come yet",
-                    f"actions for {', '.join(self.agents)}",
-                )
-        missing = [a for a in self.agents if a not in actions]
-        if missing:
-            raise InputInvalid(
-                place,
-                f"no action for {', '.join(map(repr, missing))}",
-                f"one for each of {', '.join(self.agents)}",
-            )
-
-    def _place(self) -> str:
-        return f"task {type(self.task).__name__}"

@@ -23,7 +23,6 @@ from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.models.declaration.preset import preset
 from uuvsim_cosim.orchestrator.shipped.pool import PACKET, pool_tracking
 from uuvsim_cosim.orchestrator.shipped.tracking import DEPTH, NOISE
-from uuvsim_cosim.orchestrator.system.system import System
 
 __all__ = ["PoolTracking"]
 
@@ -53,7 +52,8 @@ class PoolTracking(TargetTracking):
         self.noise, self.loss = within("noise [m]", noise, 0, np.inf), within("loss", loss, 0, 1)
         self.thrust = within("thrust", thrust, 1e-3, 2)
         self.predicted = flag("predicted", predicted)
-        self.system = _system(self.motion)
+        motion = "random_heading" if self.motion == "rest" else self.motion
+        self.system = _system("model:pilot?vehicle=pool8&period=1/50", motion)
         self.actions = {
             "tracker_1": (
                 Channel("pilot.a", -A_MAX, A_MAX, "m/s2"),
@@ -124,8 +124,5 @@ class PoolTracking(TargetTracking):
         return np.where(heard, m["radio.y_2"][:, 3:5], m["predictor.now"][:, :2])
 
 
-@lru_cache(maxsize=4)
-def _system(motion: str) -> System:
-    """Return the system with a plain pilot, cached by arguments: its kernel is made once."""
-    moves = "random_heading" if motion == "rest" else motion
-    return pool_tracking("model:pilot?vehicle=pool8&period=1/50", moves)
+# Equal arguments give the same system, so that its kernel is made once.
+_system = lru_cache(maxsize=4)(pool_tracking)

@@ -74,12 +74,10 @@ def rules_of(profile: str, vehicle: str, **changes: Any) -> TrackingRules:
     """Return a profile's rules, with the distances that the vehicle needs, and changes by name."""
     one_of("profile", profile, list(PROFILES))
     rules = PROFILES[profile]
-    unknown = [name for name in changes if name not in TrackingRules.__dataclass_fields__]
-    if unknown:
-        known = list(TrackingRules.__dataclass_fields__)
-        raise InputInvalid(f"no rule {unknown[0]!r}", expected_names(unknown[0], known))
     types = get_type_hints(TrackingRules)
     for name, value in changes.items():
+        if name not in types:
+            raise InputInvalid(f"no rule {name!r}", expected_names(name, list(types)))
         place = f"rules, {name}"
         if types[name] is bool:
             flag(place, value)
@@ -171,12 +169,8 @@ def reward_terms(now: Scene, before: Scene, rules: TrackingRules, stride: float)
         r_c=rules.r_c * connected,
         r_t=np.where(d <= rules.d_m, rules.r_t, 0.0),
         r_a=rules.r_a * approach,
-        p_1=_punished(others.min(axis=2) < rules.d_su, rules.p_1),
-        p_2=_punished(d < rules.d_st, rules.p_2),
-        p_3=_punished(surfaces.min(axis=2, initial=np.inf) < rules.d_so, rules.p_3),
+        p_1=np.where(others.min(axis=2) < rules.d_su, rules.p_1, 0.0),
+        p_2=np.where(d < rules.d_st, rules.p_2, 0.0),
+        p_3=np.where(surfaces.min(axis=2, initial=np.inf) < rules.d_so, rules.p_3, 0.0),
         nearest=d.min(axis=1),
     )
-
-
-def _punished(where: Mask, penalty: float) -> Array:
-    return np.where(where, penalty, 0.0)
