@@ -198,7 +198,7 @@ def test_what_a_plan_holds_and_is_not_flown_is_reported(tmp_path: Path) -> None:
     notes = "\n".join(load_waypoints(plan(tmp_path, items)).notes)
     assert "1 item(s) with command 178 are left out" in notes
     assert "1 item(s) with command 20 are left out" in notes
-    assert "item 3: its hold of 9 s is left" in notes
+    assert "item 3: its hold of 9 s is ignored" in notes
 
 
 @pytest.mark.parametrize(

@@ -34,7 +34,7 @@ PROBE = "double probe(double x) { return 2.0 * x; }\n"
 
 
 def doctor_command() -> None:
-    """Say what this installation consists of and whether its compiler works."""
+    """Print what this installation consists of and whether its compiler works."""
     found = facts()
     for name, text in found.items():
         line(f"{name:13} {text}")

@@ -123,7 +123,7 @@ def _task(make_task: str | Callable[..., Task], options: dict[str, object]) -> T
     refuse_options(f"task {name}", make, options)
     task = make(**options)
     if steps is not None and steps != task.horizon / task.action_step:
-        raise InputInvalid("max_episode_steps", "is the task's to say", "horizon= in seconds")
+        raise InputInvalid("max_episode_steps", "is set by the task", "horizon= in seconds")
     if isinstance(task, TeamTask):
         from uuvsim_cosim.envs.solo import Solo
 

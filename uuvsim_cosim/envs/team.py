@@ -108,7 +108,7 @@ class CosimParallelEnv(
         if not isinstance(actions, Mapping):
             raise InputInvalid(place, f"actions {actions!r}", "an action by agent")
         if not self.agents:
-            raise InputInvalid(place, "nobody is there to act", "reset() before step()")
+            raise InputInvalid(place, "no agent is present", "reset() before step()")
         for agent in actions:
             if self._known(agent) not in self.agents:
                 read = f"an action for {agent!r}, who has ended or has not come yet"

@@ -15,7 +15,7 @@ import pytest
 
 from tests.envs.drift import Drift
 from uuvsim_cosim.envs import CosimVectorEnv
-from uuvsim_cosim.envs.plants.worker_pipe import WorkerProcess
+from uuvsim_cosim.envs.plants.worker_process import WorkerProcess
 from uuvsim_cosim.errors import InputInvalid, UuvsimError
 
 N = 4
@@ -95,7 +95,7 @@ def test_a_worker_torn_in_a_message_is_made_anew(monkeypatch: pytest.MonkeyPatch
         raise Stop
 
     with monkeypatch.context() as patch:
-        patch.setattr("uuvsim_cosim.envs.plants.worker_pipe.send", half)
+        patch.setattr("uuvsim_cosim.envs.plants.worker_process.send", half)
         with pytest.raises(Stop):
             env.step(np.zeros((N, 3)))
     assert plant._workers[0].torn
@@ -144,7 +144,7 @@ def test_a_forked_process_has_no_workers_and_leaves_them_alone() -> None:
 
 
 def test_shared_memory_has_no_name_from_the_start() -> None:
-    from uuvsim_cosim.envs.plants.shared_memory import Shared
+    from uuvsim_cosim.envs.plants.worker_process import Shared
 
     def named() -> set[str]:
         return {f for f in os.listdir("/dev/shm") if f.startswith(f"uuvsim-{os.getpid()}-")}

@@ -95,7 +95,7 @@ policies = offered(lambda _: ("scripted", "random"), ".npz")
 
 
 def components(context: typer.Context, incomplete: str) -> list[str]:
-    """Return the components of the system that stands before on the command line."""
+    """Return the components of the system that the command line names before."""
     from uuvsim_cosim.orchestrator.running.library import load
 
     given = context.params

@@ -105,7 +105,7 @@ def rates(texts: Iterable[str]) -> dict[str, str]:
 
 
 def by_component(found: dict[str, str]) -> dict[str, dict[str, str]]:
-    """Group {component.variable: value} by component; an index may stand behind the variable."""
+    """Group {component.variable: value} by component; an index may follow the variable."""
     grouped: dict[str, dict[str, str]] = {}
     for left, right in found.items():
         component, _, variable = left.rpartition(".")
@@ -174,7 +174,7 @@ def clustered(
         return
     if jobs is not None and address != "local":
         raise InputInvalid(
-            f"--jobs {jobs} with --ray {address}: the cluster says how many", "one of them"
+            f"--jobs {jobs} with --ray {address}: the cluster sets the number", "one of them"
         )
     from uuvsim_cosim.cluster.ray_cluster import Cluster
 

@@ -9,11 +9,12 @@ import numpy as np
 from gymnasium.vector import AutoresetMode
 from gymnasium.vector.utils import iterate
 
-from uuvsim_cosim.envs.conformance.report import NotApplicable, Violation
 from uuvsim_cosim.envs.conformance.subject import (
     Actions,
     Environment,
+    NotApplicable,
     Subject,
+    Violation,
     refuse_unless,
     same,
     short,
@@ -30,7 +31,7 @@ MOST = 3000  # steps to wait for the end of an episode
 
 
 def autoreset_declared(subject: Subject) -> str:
-    """The metadata says how the vector resets rows whose episode has ended."""
+    """The metadata has the mode in which the vector resets rows whose episode has ended."""
     with subject.opened() as env:
         mode = env.metadata.get("autoreset_mode")
     refuse_unless(
@@ -92,7 +93,7 @@ def terminal_observation_kept(subject: Subject) -> str:
 
 
 def autoreset_obeyed(subject: Subject) -> str:
-    """Rows are reset when the declared mode says so, with the observation of the next episode."""
+    """Rows are reset as the declared mode demands, with the observation of the next episode."""
     resets = 0
     for r in _rows(subject):
         if r.phase != "reset":

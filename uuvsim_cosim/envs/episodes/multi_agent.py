@@ -90,7 +90,7 @@ class TeamSimulation:
         seeds: Sequence[int] | None = None,
         start: Mapping[str, object] | None = None,
     ) -> TeamMoment:
-        """Begin episodes where the mask is true; raises InputInvalid if nobody is there."""
+        """Begin episodes where the mask is true; raises InputInvalid if no agent is present."""
         m = self.episodes.reset(mask, seeds=seeds, start=start)
         old = self._now
         here = self._by_agent(self.task.present(m), "present()", np.bool_)
@@ -102,7 +102,7 @@ class TeamSimulation:
         if empty.any():
             raise InputInvalid(
                 self.place,
-                "present() says that no agent is there at the start of an episode",
+                "present() gives no agent at the start of an episode",
                 f"at least one of {', '.join(self.agents)}",
             )
         which = fresh[:, None]
@@ -177,9 +177,8 @@ class TeamSimulation:
         numbers = np.asarray(values, dtype=np.float32)
         expected = (self.n, *space.shape)
         if numbers.shape != expected:
-            raise InputInvalid(
-                self.place, f"{place} of shape {numbers.shape}", f"{expected}, as its limits say"
-            )
+            read = f"{place} of shape {numbers.shape}"
+            raise InputInvalid(self.place, read, f"{expected}, as for its limits")
         if self.episodes.stillborn is not None:
             numbers = np.where(self.episodes.stillborn[:, None], np.float32(0), numbers)
         refuse_infinite(numbers, f"{self.place}: {place}")

@@ -12,8 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uuvsim_cosim.envs.plants.plant import Seeds
-from uuvsim_cosim.envs.plants.shared_memory import Shared
-from uuvsim_cosim.envs.plants.worker_pipe import Failures, Job, WorkerProcess
+from uuvsim_cosim.envs.plants.worker_process import Failures, Job, Shared, WorkerProcess
 from uuvsim_cosim.envs.task.signals import variables_of
 from uuvsim_cosim.errors import ComponentFailed, InputInvalid, UuvsimError
 from uuvsim_cosim.orchestrator.plan.plan import Plan
@@ -170,13 +169,10 @@ class ProcessPlant:
 
     def _live(self) -> list[WorkerProcess]:
         if os.getpid() != self._owner:
-            raise UuvsimError(
-                (
-                    "the worker processes are those of another process, which this one "
-                    "was forked from"
-                ),
-                "new environments",
+            read = (
+                "the worker processes are those of another process, which this one was forked from"
             )
+            raise UuvsimError(read, "new environments")
         if not self._workers:
             raise UuvsimError("the worker processes have ended", "new environments")
         if self._broken:

@@ -11,8 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uuvsim_cosim.envs.plants.master_plant import MasterPlant
-from uuvsim_cosim.envs.plants.shared_memory import Shared
-from uuvsim_cosim.envs.plants.worker_pipe import Failures, Job, receive, send
+from uuvsim_cosim.envs.plants.worker_process import Failures, Job, Shared, receive, send
 from uuvsim_cosim.errors import ComponentFailed, UuvsimError
 from uuvsim_cosim.orchestrator.master.prepared import prepare
 

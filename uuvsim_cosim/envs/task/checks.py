@@ -124,7 +124,7 @@ def refuse_options(place: str, make: Callable[..., object], given: Mapping[str, 
 
 
 def check_failure_reward(given: object) -> list[Problem]:
-    """Find what is wrong with a task's reward of a failure."""
+    """Find mistakes in a task's reward of a failure."""
     if isinstance(given, Real) and isfinite(given):
         return []
     return [Problem("failure_reward", repr(given), "a finite number")]

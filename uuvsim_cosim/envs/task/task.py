@@ -246,7 +246,7 @@ class TeamTask(_Common, ABC):
             raise InputInvalid(f"agents {self.agents}", "at least one, each named once")
         if set(actions) != set(self.agents):
             expected = f"actions for each of the agents {', '.join(self.agents)}, and no others"
-            raise InputInvalid(f"actions for {', '.join(actions) or 'nobody'}", expected)
+            raise InputInvalid(f"actions for {', '.join(actions) or 'no agent'}", expected)
         self.actions = {a: _channels(actions[a], f"actions of {a!r}") for a in self.agents}
 
     @abstractmethod
