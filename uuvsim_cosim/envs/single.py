@@ -83,7 +83,7 @@ class CosimEnv(
         m = simulation.episodes.reset(seeds=seeds, start=start)
         self._ended = False
         result = simulation.observe(m)[0], _row(simulation.info(m))
-        self._screen.changed(self)
+        self._screen.changed(self.render)
         return result
 
     def step(
@@ -103,7 +103,7 @@ class CosimEnv(
             info["failure"] = failure
         self._ended = terminated or truncated
         result = simulation.observe(m)[0], reward, terminated, truncated, info
-        self._screen.changed(self)
+        self._screen.changed(self.render)
         return result
 
     @property

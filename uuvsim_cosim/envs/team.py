@@ -90,7 +90,7 @@ class CosimParallelEnv(
         team = simulation.reset(seeds=seeds, start=start)
         self.agents = self._those(team.present)
         result = self._observations(team), self._infos(team)
-        self._screen.changed(self)
+        self._screen.changed(self.render)
         return result
 
     def step(
@@ -128,7 +128,7 @@ class CosimParallelEnv(
             {a: bool(team.truncated[0, j]) for j, a in seen},
             self._infos(team),
         )
-        self._screen.changed(self)
+        self._screen.changed(self.render)
         return result
 
     def state(self) -> NDArray[np.float32]:

@@ -15,6 +15,7 @@ import pytest
 
 from tests.envs.drift import Drift
 from uuvsim_cosim.envs import CosimVectorEnv
+from uuvsim_cosim.envs.plants import worker_process
 from uuvsim_cosim.envs.plants.worker_process import WorkerProcess
 from uuvsim_cosim.errors import InputInvalid, UuvsimError
 
@@ -60,14 +61,15 @@ class Stop(Exception):
     """What a signal handler raises."""
 
 
-@pytest.mark.parametrize("place", ["send", "answer", "_next", "_pipe"])
+@pytest.mark.parametrize("place", ["send", "answer", "_next", "receive"])
 @pytest.mark.parametrize("after", [False, True])
 def test_wherever_an_exchange_is_interrupted_a_reset_settles_it(
     monkeypatch: pytest.MonkeyPatch, place: str, after: bool
 ) -> None:
     env = CosimVectorEnv(Drift(), N, backend="master", processes=2)
     expected = lived(env)
-    own: Callable[..., Any] = getattr(WorkerProcess, place)
+    owner: Any = worker_process if place == "receive" else WorkerProcess
+    own: Callable[..., Any] = getattr(owner, place)
 
     def interrupted(*arguments: Any) -> Any:
         if after:
@@ -75,8 +77,7 @@ def test_wherever_an_exchange_is_interrupted_a_reset_settles_it(
         raise Stop
 
     with monkeypatch.context() as patch:
-        patch.setattr(WorkerProcess, place, staticmethod(interrupted) if place == "_pipe"
-                      else interrupted)  # fmt: skip
+        patch.setattr(owner, place, interrupted)
         with pytest.raises(Stop):
             env.step(np.zeros((N, 3)))
     with pytest.raises(InputInvalid, match=r"was interrupted; expected reset\(\)|no episode"):

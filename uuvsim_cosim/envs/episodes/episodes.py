@@ -108,21 +108,13 @@ class Episodes:
             more = f" in environment 0, and all others of {self.n} fail" if self.n > 1 else ""
             raise ComponentFailed(failure.path, failure.time, failure.reason + more)
         values, rows = self._living(self.plant.gather()), np.flatnonzero(chosen)
-        if old is None or len(rows) == self.n:
-            self._moment = Instant(
-                self.signals, values, np.zeros(self.n, np.int64), self._step_seconds,
-                self._idle, self._start,
-            )  # fmt: skip
-            return self._moment
+        step, before = np.zeros(self.n, np.int64), None
+        action: Mapping[str, Array] = self._idle
+        if old is not None and len(rows) < self.n:
+            values, before, step = mixed(old.values, values, rows), old.before, old.step
+            step, action = self._cleared(rows, step, old.action)
         self._moment = Instant(
-            self.signals,
-            mixed(old.values, values, rows),
-            _cleared(old.step, rows),
-            self._step_seconds,
-            {agent: _cleared(a.T, rows).T for agent, a in old.action.items()},
-            self._start,
-            old.before,
-            rows,
+            self.signals, values, step, self._step_seconds, action, self._start, before, rows
         )
         return self._moment
 
@@ -144,8 +136,7 @@ class Episodes:
         if again is not None:  # ended rows were stepped too: a kernel steps all of them
             self._begin(again, None, {})
             rows = np.flatnonzero(again)
-            steps = _cleared(steps, rows)
-            actions = {agent: _cleared(a.T, rows).T for agent, a in actions.items()}
+            steps, actions = self._cleared(rows, steps, actions)
         values = plant.gather()
         failed = plant.failed
         self.any_failed = bool(failed.any())
@@ -234,16 +225,16 @@ class Episodes:
         dead = failed & (chosen if self.stillborn is None else chosen | self.stillborn)
         self.stillborn = dead if self.any_failed and dead.any() else None
 
+    def _cleared(
+        self, rows: NDArray[np.intp], step: NDArray[np.int64], action: Mapping[str, Array]
+    ) -> tuple[NDArray[np.int64], Mapping[str, Array]]:
+        """Copy step counts and actions of all environments, with zeros for some."""
+        idle = {agent: mixed(a.T, self._idle[agent].T, rows).T for agent, a in action.items()}
+        return mixed(step, np.zeros_like(step), rows), idle
+
     def _living(self, values: Array) -> Array:
         """Return values with zeros where a start has failed: the plant's may not be finite."""
         return values if self.stillborn is None else np.where(self.stillborn, 0.0, values)
-
-
-def _cleared(values: NDArray[T], rows: NDArray[np.intp]) -> NDArray[T]:
-    """Copy values (…, n) of all environments, with zeros for some."""
-    both = values.copy()
-    both[..., rows] = 0
-    return both
 
 
 def _seconds(time: Fraction) -> str:

@@ -92,10 +92,20 @@ class Signals:
 
     def view(self, values: Array, name: str) -> NDArray[Any]:
         """Return a signal, of shape (n, *shape); raises InputInvalid for one that is not read."""
-        found = self._views.get(name)
-        if found is None:
-            found = self._views[name] = self._found(name)
-        rows, shape, type_ = found
+        if name not in self._views:
+            try:
+                named = resolved(self.plan, name)
+            except Misfit as misfit:
+                raise InputInvalid(str(misfit.at(f"signal {name!r}"))) from None
+            if named.key not in self._first:
+                read = f"is not read by this task, which reads {', '.join(self._first) or 'none'}"
+                raise InputInvalid(f"signal {name!r}", read, "it among the task's signals=")
+            index = self.rows(named)
+            # A slice of consecutive rows is a view of the values, where an index would be a copy.
+            consecutive = len(index) > 0 and bool(np.all(np.diff(index) == 1))
+            chosen = slice(int(index[0]), int(index[-1]) + 1) if consecutive else index
+            self._views[name] = chosen, named.shape, _TYPES.get(named.variable.type)
+        rows, shape, type_ = self._views[name]
         n = values.shape[1]
         part = values[rows]
         if shape == ():
@@ -105,23 +115,6 @@ class Signals:
         else:
             part = np.moveaxis(part.reshape(*shape, n), -1, 0)
         return part if type_ is None else part.astype(type_)
-
-    def _found(self, name: str) -> View:
-        try:
-            named = resolved(self.plan, name)
-        except Misfit as misfit:
-            raise InputInvalid(str(misfit.at(f"signal {name!r}"))) from None
-        if named.key not in self._first:
-            raise InputInvalid(
-                f"signal {name!r}",
-                f"is not read by this task, which reads {', '.join(self._first) or 'none'}",
-                "it among the task's signals=",
-            )
-        rows = self.rows(named)
-        # A slice of consecutive rows is a view of the values, where an index would be a copy.
-        consecutive = len(rows) > 0 and bool(np.all(np.diff(rows) == 1))
-        part = slice(int(rows[0]), int(rows[-1]) + 1) if consecutive else rows
-        return part, named.shape, _TYPES.get(named.variable.type)
 
 
 T = TypeVar("T", bound=np.generic)
