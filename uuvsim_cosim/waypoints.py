@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.models.declaration.units import parse_unit
 
-__all__ = ["Waypoints", "load_waypoints", "local_of", "origin_of", "read_waypoints"]
+__all__ = ["Waypoints", "load_waypoints", "local_of", "origin_of"]
 
 Floats = NDArray[np.float64]
 Place = tuple[float, float]  # latitude and longitude, degrees
@@ -42,11 +42,6 @@ class Waypoints:
 
     points: Floats
     notes: tuple[str, ...] = ()
-
-
-def read_waypoints(path: str | Path, origin: Place | None = None) -> Floats:
-    """Return the waypoints of a file, shape (n, 3): north, east, down [m]; see `load_waypoints`."""
-    return load_waypoints(path, origin).points
 
 
 def load_waypoints(path: str | Path, origin: Place | None = None) -> Waypoints:
