@@ -89,7 +89,7 @@ def rate(env: Any, n: int, repeats: int, actions: Any) -> float:
 
 def share_of_python(env: CosimVectorEnv, n: int, actions: Any) -> tuple[float, float, int]:
     """Return the share of a step that is not in the kernel, the kernel's rate, and its bytes."""
-    plant: Any = env._stage.episodes.plant  # type: ignore[union-attr]
+    plant: Any = env._simulation.episodes.plant  # type: ignore[union-attr]
     own, calls = plant.step, max(10, min(2000, 40000 // n))
     inside = 0.0
 

@@ -48,19 +48,22 @@ def cache_dir(*parts: str) -> Path:
             raise InputInvalid(
                 f"UUVSIM_CACHE={asked}", "there is no home folder", "a path without ~"
             ) from None
-        root = _private()
+        root = _private_folder()
     folder = root.joinpath(*parts)
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise InputInvalid(
-            f"cache folder {folder}: cannot be made ({error.strerror}); "
-            "set UUVSIM_CACHE to a folder that can be written"
-        ) from error
+        raise _refused(f"cache folder {folder}: cannot be made", error) from error
     return folder
 
 
-def _private() -> Path:
+def _refused(problem: str, error: OSError) -> InputInvalid:
+    return InputInvalid(
+        f"{problem} ({error.strerror}); set UUVSIM_CACHE to a folder that can be written"
+    )
+
+
+def _private_folder() -> Path:
     """Return a temporary folder that only this user can write, since code is loaded from it."""
     user = getattr(os, "getuid", lambda: 0)()  # Windows has no user numbers
     folder = Path(tempfile.gettempdir()) / f"uuvsim-cosim-{user}"
@@ -68,10 +71,7 @@ def _private() -> Path:
         folder.mkdir(mode=0o700, exist_ok=True)
         found = folder.lstat()
     except OSError as error:
-        raise InputInvalid(
-            f"cache folder {folder}: cannot be made ({error.strerror}); "
-            "set UUVSIM_CACHE to a folder that can be written"
-        ) from error
+        raise _refused(f"cache folder {folder}: cannot be made", error) from error
     if not stat.S_ISDIR(found.st_mode) or found.st_uid != user or found.st_mode & 0o022:
         raise InputInvalid(
             f"cache folder {folder}: others can write it; set UUVSIM_CACHE to a folder of your own"
@@ -136,10 +136,7 @@ def keep(path: Path, data: bytes) -> None:
         write_whole(path, data)
         write_whole(_note(path), content_hash([data]).encode())
     except OSError as error:
-        raise InputInvalid(
-            f"cache file {path}: cannot be written ({error.strerror}); "
-            "set UUVSIM_CACHE to a folder that can be written"
-        ) from error
+        raise _refused(f"cache file {path}: cannot be written", error) from error
 
 
 def intact(path: Path) -> bool:

@@ -8,7 +8,10 @@ from __future__ import annotations
 import logging
 import os
 import sys
+import sysconfig
+import traceback
 from contextlib import suppress
+from pathlib import Path
 from typing import Annotated, Any
 
 import typer
@@ -34,7 +37,6 @@ from uuvsim_cosim.commands.shared.answer import answer, answering, error_fields,
 from uuvsim_cosim.commands.shared.common_options import complete, path_of
 from uuvsim_cosim.commands.shared.completion import whole_words
 from uuvsim_cosim.commands.shared.terminal import line, notice, put
-from uuvsim_cosim.commands.shared.user_code import place_in_other_code
 from uuvsim_cosim.commands.study import identify, study
 from uuvsim_cosim.errors import UuvsimError
 
@@ -170,7 +172,7 @@ def _unexpected(error: Exception) -> int:
     usage = getattr(error, "format_message", None)
     if usage is not None:
         return _refused(_usage(error, str(usage())), 2, error)
-    if (place := place_in_other_code(error)) is not None:
+    if (place := _place_in_user_code(error)) is not None:
         return _refused(f"{place}: {type(error).__name__}: {error}", 2, error)
     return _refused(
         f"unexpected {type(error).__name__}: {error}; this is a mistake in uuvsim-cosim, "
@@ -180,6 +182,19 @@ def _unexpected(error: Exception) -> int:
     )
 
 
+def _place_in_user_code(error: Exception) -> str | None:
+    """Return "FILE:LINE" of the user's code (a task, a component) that raised the error, if any."""
+    libraries = ("<", *(sysconfig.get_path(name) for name in ("stdlib", "platstdlib")))
+    for frame in reversed(traceback.extract_tb(error.__traceback__)):
+        file = frame.filename
+        if file.startswith(str(Path(__file__).parent)):
+            return None
+        installed = {"site-packages", "dist-packages"} & set(Path(file).parts)
+        if not file.startswith(libraries) and not installed:
+            return f"{file}:{frame.lineno}"
+    return None
+
+
 def _usage(error: Any, message: str) -> str:
     context = getattr(error, "ctx", None)
     path = context.command_path if context is not None else "uuvsim"
@@ -187,18 +202,14 @@ def _usage(error: Any, message: str) -> str:
     if read is not None:  # a value that does not fit the option's type
         option = (error.param.opts or [error.param.name])[0]
         kind = str(read()[0]["type"])
-        wanted = _KINDS.get(kind.partition("_")[0], "another value")
+        names = {"int": "a whole number", "float": "a number", "bool": "true or false"}
+        wanted = names.get(kind.partition("_")[0], "another value")
         message = f"{option} {read()[0]['input']}: expected {wanted}"
     return f"{message.rstrip('.')}; see `{path} --help`"
 
 
-_KINDS = {"int": "a whole number", "float": "a number", "bool": "true or false"}
-
-
 def _refused(message: str, status: int, error: BaseException) -> int:
     if os.environ.get("UUVSIM_DEBUG"):
-        import traceback
-
         traceback.print_exception(error, file=sys.stderr)
     message = "; ".join([message, *getattr(error, "__notes__", [])])
     answer().put("error", error_fields(error, message, status))

@@ -61,7 +61,7 @@ class UuvsimError(Exception):
 
     @classmethod
     def of(cls, problems: Iterable[Problem | str]) -> Self:
-        """Make an error of several problems, or whole sentences, which stand below each other."""
+        """Make an error of several problems, or whole sentences, one a line."""
         each = tuple(p if isinstance(p, Problem) else Problem("", p, "") for p in problems)
         error = cls("\n  ".join(map(str, each)))
         error.problems = each
@@ -72,7 +72,7 @@ class UuvsimError(Exception):
         return "\n  ".join(str(p) for p in self.problems)
 
     def at(self, place: str, otherwise: str) -> Problem:
-        """Return this error as a problem at a place; `otherwise` if nothing says what is right."""
+        """Return this error as a problem at a place; `otherwise` is expected if it has none."""
         first, *more = self.problems
         read = f"{first.place}: {first.read}" if first.place else first.read
         right = first.expected or ("" if "expected " in read else otherwise)

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.models.declaration.units import parse_unit
 
-__all__ = ["Waypoints", "load_waypoints", "local_of", "origin_of", "read_waypoints"]
+__all__ = ["Waypoints", "load_waypoints", "local_of", "origin_of"]
 
 Floats = NDArray[np.float64]
 Place = tuple[float, float]  # latitude and longitude, degrees
@@ -44,11 +44,6 @@ class Waypoints:
     notes: tuple[str, ...] = ()
 
 
-def read_waypoints(path: str | Path, origin: Place | None = None) -> Floats:
-    """Return the waypoints of a file, shape (n, 3): north, east, down [m]; see `load_waypoints`."""
-    return load_waypoints(path, origin).points
-
-
 def load_waypoints(path: str | Path, origin: Place | None = None) -> Waypoints:
     """Read the waypoints of a file.
 
@@ -67,9 +62,8 @@ def load_waypoints(path: str | Path, origin: Place | None = None) -> Waypoints:
         raise InputInvalid(path, "no such file", "a CSV of waypoints") from None
     except (OSError, UnicodeDecodeError) as error:
         raise InputInvalid(path, f"cannot be read as text ({error})", "a CSV") from None
-    found = _plan(text, path, origin) if path.suffix.lower() == ".plan" else _csv(
-        text, path, origin
-    )  # fmt: skip
+    read = _plan if path.suffix.lower() == ".plan" else _csv
+    found = read(text, path, origin)
     if len(found.points) < 2:
         raise InputInvalid(path, f"{len(found.points)} waypoint(s) were read", "at least 2")
     return found
@@ -115,25 +109,19 @@ def _earth(place: Place) -> tuple[float, float, float]:
 
 
 def _csv(text: str, path: Path, origin: Place | None) -> Waypoints:
-    lines = [
-        (
-            number,
-            line,
-            [cell.strip() for cell in next(csv.reader([line], delimiter=_delimiter(line)))],
-        )
-        for number, line in enumerate(text.splitlines(), start=1)
-        if line.strip() and not line.lstrip().startswith("#")
-    ]
+    lines: list[tuple[int, str, list[str]]] = []
+    for number, line in enumerate(text.splitlines(), start=1):
+        if line.strip() and not line.lstrip().startswith("#"):
+            delimiter = next((d for d in (",", ";", "\t") if d in line), ",")
+            cells = next(csv.reader([line], delimiter=delimiter))
+            lines.append((number, line, [cell.strip() for cell in cells]))
     named = _header(lines[0][2], path, lines[0][0]) if lines else None
     order, factors = named or (["n", "e", "d"], [1.0, 1.0, 1.0])
     if named is None:
         _refuse_degrees([cells for _, _, cells in lines], path, origin)
     elif "lat" in order and origin is None:
-        raise InputInvalid(
-            f"{path}:{lines[0][0]}",
-            "latitudes and longitudes",
-            "--origin LAT,LON as well, the place of the local frame's origin",
-        )
+        expected = "--origin LAT,LON as well, the place of the local frame's origin"
+        raise InputInvalid(f"{path}:{lines[0][0]}", "latitudes and longitudes", expected)
     rows = [
         _row(cells, order, factors, line, path, number)
         for number, line, cells in lines[0 if named is None else 1 :]
@@ -167,14 +155,9 @@ def _refuse_degrees(rows: list[list[str]], path: Path, origin: Place | None) -> 
     in_one_place = np.ptp(horizontal, axis=0).max() <= EXTENT < largest.max()
     if (on_the_globe and in_one_place and (horizontal % 1 != 0).any()) or origin is not None:
         first = ",".join(rows[0][:2])
-        raise InputInvalid(
-            path,
-            f"has no header, and {first} may be in degrees or in m",
-            (
-                "a first line lat,lon,d (or lon,lat,d) and --origin LAT,LON for "
-                "degrees, or n,e,d for m"
-            ),
-        )
+        read = f"has no header, and {first} may be in degrees or in m"
+        degrees = "a first line lat,lon,d (or lon,lat,d) and --origin LAT,LON for degrees"
+        raise InputInvalid(path, read, f"{degrees}, or n,e,d for m")
 
 
 def _placed(path: Path, origin: Place) -> str:
@@ -187,20 +170,10 @@ def _placed(path: Path, origin: Place) -> str:
 def _near(place: Place, origin: Place, path: Path) -> tuple[float, float]:
     north, east = local_of(place, origin)
     if not (max(abs(north), abs(east)) <= 1e5 and abs(place[0]) <= 90):
-        raise InputInvalid(
-            path,
-            (
-                f"{place[0]:.7g}, {place[1]:.7g} deg is "
-                f"{math.hypot(north, east) / 1e3:.0f} km from the origin "
-                f"{origin[0]:.7g}, {origin[1]:.7g}"
-            ),
-            "at most 100 km",
-        )
+        away = f"{math.hypot(north, east) / 1e3:.0f} km from the origin"
+        read = f"{place[0]:.7g}, {place[1]:.7g} deg is {away} {origin[0]:.7g}, {origin[1]:.7g}"
+        raise InputInvalid(path, read, "at most 100 km")
     return north, east
-
-
-def _delimiter(line: str) -> str:
-    return next((d for d in (",", ";", "\t") if d in line), ",")
 
 
 def _header(cells: list[str], path: Path, number: int) -> tuple[list[str], list[float]] | None:
@@ -210,28 +183,22 @@ def _header(cells: list[str], path: Path, number: int) -> tuple[list[str], list[
         return None
     order = [COLUMNS.get(name, name) for name in names]
     if sorted(order) not in (["d", "e", "n"], ["d", "lat", "lon"]):
-        raise InputInvalid(
-            f"{path}:{number}", f"column names {_short(', '.join(cells))!r} were read", EXPECTED
-        )
-    return order, [
-        _factor(cell, name, f"{path}:{number}") for cell, name in zip(cells, order, strict=True)
-    ]
-
-
-def _factor(cell: str, name: str, place: str) -> float:
-    """Return the factor from a column's unit, in brackets behind its name, to m or deg."""
-    match = re.search(r"[\[(]\s*(.*?)\s*[\])]", cell)
-    wanted = parse_unit("deg" if name in ("lat", "lon") else "m")
-    unit = "deg" if match is not None and match[1] == "°" else match and match[1]
-    if not unit:
-        return 1.0
-    try:
-        found = parse_unit(unit)
-    except ValueError:
-        found = None
-    if found is None or not found.commensurable(wanted):
-        raise InputInvalid(place, f"{_short(cell)!r}", f"a unit such as {wanted.name}")
-    return found.factor / wanted.factor
+        read = f"column names {_short(', '.join(cells))!r} were read"
+        raise InputInvalid(f"{path}:{number}", read, EXPECTED)
+    factors = []
+    for cell, name in zip(cells, order, strict=True):
+        wanted = parse_unit("deg" if name in ("lat", "lon") else "m")
+        match = re.search(r"[\[(]\s*(.*?)\s*[\])]", cell)  # the unit behind the name
+        unit = (match[1] if match else "") or wanted.name
+        try:
+            found = parse_unit("deg" if unit == "°" else unit)
+        except ValueError:
+            found = None
+        if found is None or not found.commensurable(wanted):
+            expected = f"a unit such as {wanted.name}"
+            raise InputInvalid(f"{path}:{number}", f"{_short(cell)!r}", expected)
+        factors.append(found.factor / wanted.factor)
+    return order, factors
 
 
 def _row(
@@ -245,7 +212,7 @@ def _row(
         try:
             value = factor * float(cell)
         except ValueError:
-            raise InputInvalid(f"{wrong} a number where {_short(cell)!r} stands") from None
+            raise InputInvalid(f"{wrong} a number instead of {_short(cell)!r}") from None
         if not math.isfinite(value) or abs(value) > LARGEST:
             raise InputInvalid(f"{wrong} a finite number of at most {LARGEST:.0e} m for {cell!r}")
         if name == "d" and value < 0:
@@ -288,15 +255,20 @@ def _plan(text: str, path: Path, origin: Place | None) -> Waypoints:
             continue
         zero = RELATIVE.get(item.get("frame", 3))
         if zero is None:
-            raise InputInvalid(
-                place,
-                f"altitude in frame {item['frame']}",
-                "one above home (3) or mean sea level (0)",
-            )
+            expected = "one above home (3) or mean sea level (0)"
+            raise InputInvalid(place, f"altitude in frame {item['frame']}", expected)
         zeros.add(zero)
-        points.append(_point(item, place, origin, path))
+        try:
+            latitude, longitude, altitude = (float(v) for v in item["params"][4:7])
+        except (KeyError, TypeError, ValueError):
+            raise InputInvalid(place, "has no place", "params of 7 numbers") from None
+        if not (math.isfinite(latitude + longitude + altitude) and altitude <= 0):
+            expected = "0 m or less, which is below the surface"
+            raise InputInvalid(place, f"altitude {altitude:g} m", expected)
+        points.append([*_near((latitude, longitude), origin, path), -altitude])
         if (item["params"][0] or 0) > 0:
-            notes.append(f"{path.name}: item {number}: its hold of {item['params'][0]:g} s is left")
+            hold = item["params"][0]
+            notes.append(f"{path.name}: item {number}: its hold of {hold:g} s is ignored")
         if command == SPLINE:
             notes.append(f"{path.name}: item {number}: its spline is flown as straight legs")
     notes += [f"{path.name}: the surface is taken to be at {zero}" for zero in sorted(zeros)]
@@ -317,15 +289,3 @@ def _simple(items: Iterable[Item]) -> Iterator[Item]:
             yield item
         else:
             raise KeyError(item.get("complexItemType"))
-
-
-def _point(item: Item, place: str, origin: Place, path: Path) -> list[float]:
-    try:
-        latitude, longitude, altitude = (float(v) for v in item["params"][4:7])
-    except (KeyError, TypeError, ValueError):
-        raise InputInvalid(place, "has no place", "params of 7 numbers") from None
-    if not (math.isfinite(latitude + longitude + altitude) and altitude <= 0):
-        raise InputInvalid(
-            place, f"altitude {altitude:g} m", "0 m or less, which is below the surface"
-        )
-    return [*_near((latitude, longitude), origin, path), -altitude]

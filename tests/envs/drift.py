@@ -8,9 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from uuvsim_cosim.envs.task.channel import Channel
 from uuvsim_cosim.envs.task.episode_draws import Draws
-from uuvsim_cosim.envs.task.task import Array, Mask, Moment, Task
+from uuvsim_cosim.envs.task.task import Array, Channel, Mask, Moment, Task
 from uuvsim_cosim.orchestrator.system.system import System
 
 LIMIT = 8  # actions of an episode

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from uuvsim_cosim.envs import CosimEnv, CosimVectorEnv, FunctionTask
-from uuvsim_cosim.envs.task.channel import Channel
+from uuvsim_cosim.envs.task.task import Channel
 from uuvsim_cosim.orchestrator.system.system import System
 
 PAGE = (Path(__file__).parents[2] / "docs" / "learning" / "environments.md").read_text()

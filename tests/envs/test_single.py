@@ -132,14 +132,14 @@ def test_the_time_limit_truncates_and_the_end_terminates(make: Make, backend: An
 def test_an_action_is_held_for_an_exact_number_of_steps(make: Make) -> None:
     env = make()
     env.reset(seed=1)
-    plant = env._stage.episodes.plant  # type: ignore[union-attr]
+    plant = env._simulation.episodes.plant  # type: ignore[union-attr]
     ticks = []
     plant_step = plant.step
     plant.step = lambda n: (ticks.append(n), plant_step(n))[1]  # type: ignore[method-assign,assignment]
     for _ in range(LIMIT):
         env.step(np.zeros(3))
     assert ticks == [4] * LIMIT
-    moment = env._stage.episodes.moment  # type: ignore[union-attr]
+    moment = env._simulation.episodes.moment  # type: ignore[union-attr]
     assert moment.time.tolist() == [1.6]
 
 

@@ -12,7 +12,7 @@ from pettingzoo.utils.conversions import parallel_to_aec
 from tests.envs.two import Advance, vehicles
 from uuvsim_cosim.envs import Task, TeamTask
 from uuvsim_cosim.envs.conformance.suite import check
-from uuvsim_cosim.envs.task.channel import Channel
+from uuvsim_cosim.envs.task.task import Channel
 from uuvsim_cosim.envs.tasks.tracking_scenarios import target
 from uuvsim_cosim.envs.team import CosimParallelEnv
 from uuvsim_cosim.errors import InputInvalid
@@ -88,7 +88,7 @@ def test_an_action_of_three_tenths_is_always_three_communication_steps(
     ticks = []
     for _ in range(100):
         env.step(full(env))
-        plant: Any = env._stage.episodes.plant  # type: ignore[union-attr]
+        plant: Any = env._simulation.episodes.plant  # type: ignore[union-attr]
         ticks.append(plant._batch.tick[0] if backend == "kernel" else plant._rows[0].master.tick)
     assert ticks == list(range(3, 303, 3))
 

@@ -8,7 +8,7 @@ import pytest
 from gymnasium.vector import AutoresetMode
 
 from tests.envs.two import Advance
-from uuvsim_cosim.envs.task.channel import Channel
+from uuvsim_cosim.envs.task.task import Channel
 from uuvsim_cosim.envs.team import CosimParallelEnv
 from uuvsim_cosim.envs.team_vector import CosimTeamVectorEnv
 from uuvsim_cosim.errors import InputInvalid

@@ -230,7 +230,7 @@ def test_one_that_fails_ends_alone(first_order_fmi3: Path, processes: int) -> No
 def test_a_killed_worker_is_a_sentence_and_closing_works(make: Make) -> None:
     env = make("processes", 4)
     env.reset(seed=1)
-    env._stage.episodes.plant._workers[0]._process.kill()  # type: ignore[union-attr,attr-defined]
+    env._simulation.episodes.plant._workers[0]._process.kill()  # type: ignore[union-attr,attr-defined]
     with pytest.raises(UuvsimError, match="worker process of environments 0 to 1 ended"):
         env.step(np.zeros((4, 3)))
     env.close()

@@ -7,9 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from uuvsim_cosim.envs.task.channel import Channel
 from uuvsim_cosim.envs.task.episode_draws import Draws
-from uuvsim_cosim.envs.task.task import TeamTask
+from uuvsim_cosim.envs.task.task import Channel, TeamTask
 from uuvsim_cosim.orchestrator.system.system import System
 
 

@@ -34,7 +34,7 @@ PROBE = "double probe(double x) { return 2.0 * x; }\n"
 
 
 def doctor_command() -> None:
-    """Say what this installation consists of and whether its compiler works."""
+    """Print what this installation consists of and whether its compiler works."""
     found = facts()
     for name, text in found.items():
         line(f"{name:13} {text}")
@@ -77,7 +77,7 @@ def packages() -> dict[str, dict[str, str | None]]:
     They are read from the metadata of the installed package, so the list is never out of date.
     """
     found: dict[str, dict[str, str | None]] = {"": {}}
-    from importlib.metadata import PackageNotFoundError, requires
+    from importlib.metadata import PackageNotFoundError, requires, version
 
     try:
         wanted = requires("uuvsim-cosim") or []
@@ -88,17 +88,12 @@ def packages() -> dict[str, dict[str, str | None]]:
         if match is None or match["name"] == "uuvsim-cosim":
             continue
         extra = _EXTRA.search(text)
-        found.setdefault(extra[1] if extra else "", {})[match["name"]] = _version(match["name"])
+        listed = found.setdefault(extra[1] if extra else "", {})
+        try:
+            listed[match["name"]] = version(match["name"])
+        except PackageNotFoundError:
+            listed[match["name"]] = None
     return found
-
-
-def _version(name: str) -> str | None:
-    from importlib.metadata import PackageNotFoundError, version
-
-    try:
-        return version(name)
-    except PackageNotFoundError:
-        return None
 
 
 def _hidden(text: str) -> str:

@@ -10,10 +10,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from uuvsim_cosim.envs.registration import register, register_shipped
-from uuvsim_cosim.envs.task.channel import Channel
 from uuvsim_cosim.envs.task.episode_draws import Draws
-from uuvsim_cosim.envs.task.symmetry import Symmetry
-from uuvsim_cosim.envs.task.task import Moment, Randomised, Task, TeamTask
+from uuvsim_cosim.envs.task.task import Channel, Moment, Randomised, Symmetry, Task, TeamTask
 from uuvsim_cosim.lazy import lazy
 
 if TYPE_CHECKING:

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from importlib import import_module
 from typing import TYPE_CHECKING
 
-from uuvsim_cosim.envs.task.argument_checks import refuse_options
+from uuvsim_cosim.envs.task.checks import refuse_options
 from uuvsim_cosim.errors import InputInvalid
 
 if TYPE_CHECKING:
@@ -47,11 +47,10 @@ def register(id: str, make_task: str | Callable[..., Task], **options: object) -
         module, colon, name = make_task.partition(":")
         if not colon or not all(part.isidentifier() for part in (*module.split("."), name)):
             raise InputInvalid(f"task {make_task!r} of {id}", "'package.module:name'")
-    here = "uuvsim_cosim.envs.registration"
     gymnasium.register(
         id,
-        entry_point=f"{here}:make_env",
-        vector_entry_point=f"{here}:make_vector_env",
+        entry_point=f"{__name__}:make_env",
+        vector_entry_point=f"{__name__}:make_vector_env",
         kwargs={"make_task": make_task, **options},
     )
 
@@ -109,26 +108,24 @@ def _task(make_task: str | Callable[..., Task], options: dict[str, object]) -> T
     from uuvsim_cosim.envs.task.task import TeamTask
 
     steps = options.pop("max_episode_steps", None)  # gymnasium.make_vec passes the spec's
-    make = _found(make_task) if isinstance(make_task, str) else make_task
+    if isinstance(make_task, str):
+        name = make_task
+        module, _, own = name.partition(":")
+        try:
+            make: Callable[..., Task] = getattr(import_module(module), own)
+        except (ImportError, AttributeError) as error:
+            raise InputInvalid(f"task {name!r}", error, "'package.module:name'") from error
+    else:
+        make, name = make_task, getattr(make_task, "__name__", "")
     for option in _OF_MANY:
         if option in options:
             raise InputInvalid(option, "is of many environments", "it in make_vec")
-    name = make_task if isinstance(make_task, str) else getattr(make_task, "__name__", "")
     refuse_options(f"task {name}", make, options)
     task = make(**options)
     if steps is not None and steps != task.horizon / task.action_step:
-        raise InputInvalid("max_episode_steps", "is the task's to say", "horizon= in seconds")
+        raise InputInvalid("max_episode_steps", "is set by the task", "horizon= in seconds")
     if isinstance(task, TeamTask):
         from uuvsim_cosim.envs.solo import Solo
 
         return Solo(task)
     return task
-
-
-def _found(name: str) -> Callable[..., Task]:
-    module, _, own = name.partition(":")
-    try:
-        found: Callable[..., Task] = getattr(import_module(module), own)
-    except (ImportError, AttributeError) as error:
-        raise InputInvalid(f"task {name!r}", error, "'package.module:name'") from error
-    return found

@@ -8,14 +8,13 @@ from typing import Any, ClassVar, final
 
 import gymnasium
 import numpy as np
-from gymnasium.envs.registration import EnvSpec
 from numpy.typing import NDArray
 
-from uuvsim_cosim.envs.episodes.single_agent import Stage
-from uuvsim_cosim.envs.episodes.time_limit import limited
+from uuvsim_cosim.envs.episodes.environment import Environment, LimitedSpec
+from uuvsim_cosim.envs.episodes.single_agent import TaskSimulation
 from uuvsim_cosim.envs.pictures.screen import Screen
 from uuvsim_cosim.envs.plants.choice import Backend
-from uuvsim_cosim.envs.task.argument_checks import base_seed, refuse_options, start_of
+from uuvsim_cosim.envs.task.checks import base_seed, refuse_options, start_of
 from uuvsim_cosim.envs.task.task import Task
 from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.orchestrator.system.system import System
@@ -26,7 +25,9 @@ Observation = NDArray[np.float32]
 
 
 @final
-class CosimEnv(gymnasium.Env[Observation, NDArray[np.generic]]):
+class CosimEnv(
+    LimitedSpec, Environment[TaskSimulation], gymnasium.Env[Observation, NDArray[np.generic]]
+):
     """A task in its system, run by a fused kernel or, with backend "master", by a master.
 
     Actions are numbers in [-1, 1], those beyond are clipped; they scale to the limits of the
@@ -40,15 +41,14 @@ class CosimEnv(gymnasium.Env[Observation, NDArray[np.generic]]):
     def __init__(
         self, task: Task, render_mode: str | None = None, backend: Backend = "auto"
     ) -> None:
-        self._stage: Stage | None = None
         self._screen = Screen(render_mode)
-        self._stage = Stage(task, 1, backend=backend, drawn=render_mode is not None)
+        self._simulation = TaskSimulation(task, 1, backend=backend, drawn=render_mode is not None)
         self.task = task
         self.spec = None
         self.render_mode = render_mode
         self.backend = backend
         self.metadata = {**self.metadata, "render_fps": float(1 / task.action_step)}  # type: ignore[misc]
-        box, width = self._stage.observation_box, self._stage.action_box.width
+        box, width = self._simulation.observation_box, self._simulation.action_box.width
         self.observation_space = gymnasium.spaces.Box(box.low, box.high, dtype=np.float32)
         self.action_space = gymnasium.spaces.Box(-1.0, 1.0, (width,), np.float32)
         self._ended = False
@@ -72,48 +72,39 @@ class CosimEnv(gymnasium.Env[Observation, NDArray[np.generic]]):
         self, *, seed: int | None = None, options: Mapping[str, object] | None = None
     ) -> tuple[Observation, dict[str, Any]]:
         """Begin episode 0 of a seed, or without one the next episode of the same seed."""
-        stage = self._live()
+        simulation = self._live()
         start = start_of(options, mask="a vector in autoreset mode 'Disabled'")
         if seed is not None:
             seed = base_seed(seed)
         super().reset(seed=seed)
         seeds = None
-        if seed is not None or not stage.episodes.seeded:
+        if seed is not None or not simulation.episodes.seeded:
             seeds = [self.np_random_seed if seed is None else seed]
-        m = stage.episodes.reset(seeds=seeds, start=start)
+        m = simulation.episodes.reset(seeds=seeds, start=start)
         self._ended = False
-        result = stage.observe(m)[0], _row(stage.info(m))
-        self._screen.changed(self)
+        result = simulation.observe(m)[0], _row(simulation.info(m))
+        self._screen.changed(self.render)
         return result
 
     def step(
         self, action: NDArray[np.generic]
     ) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
         """Act for one action step."""
-        stage = self._live()
-        if self._ended or not stage.episodes.begun:
+        simulation = self._live()
+        if self._ended or not simulation.episodes.begun:
             had = "the episode has ended" if self._ended else "no episode has begun"
-            raise InputInvalid(stage.place, had, "reset() before step()")
-        m = stage.act(action, alone=True)
-        reward = stage.reward(m)[0].item()
-        terminated = bool(stage.terminated(m)[0])
-        truncated = bool(stage.episodes.over[0]) and not terminated
-        info = _row(stage.info(m))
-        if terminated and (failure := stage.episodes.failure(0)):
+            raise InputInvalid(simulation.place, had, "reset() before step()")
+        m = simulation.act(action, alone=True)
+        reward = simulation.reward(m)[0].item()
+        terminated = bool(simulation.terminated(m)[0])
+        truncated = bool(simulation.episodes.over[0]) and not terminated
+        info = _row(simulation.info(m))
+        if terminated and (failure := simulation.episodes.failure(0)):
             info["failure"] = failure
         self._ended = terminated or truncated
-        result = stage.observe(m)[0], reward, terminated, truncated, info
-        self._screen.changed(self)
+        result = simulation.observe(m)[0], reward, terminated, truncated, info
+        self._screen.changed(self.render)
         return result
-
-    @property
-    def spec(self) -> EnvSpec | None:
-        """The spec of gymnasium.make, with the number of steps of an episode."""
-        return self._spec
-
-    @spec.setter
-    def spec(self, spec: EnvSpec | None) -> None:
-        self._spec = limited(spec, self.task)
 
     @property
     def time(self) -> float:
@@ -122,27 +113,16 @@ class CosimEnv(gymnasium.Env[Observation, NDArray[np.generic]]):
 
     def render(self) -> NDArray[np.uint8] | None:
         """Draw the present moment; returns pixels, or None where a window shows them."""
-        stage = self._live()
-        return self._screen.frame(self.task, stage.episodes.moment, 0)
-
-    def close(self) -> None:
-        """Free everything; a second call does nothing."""
-        self._screen.close()
-        stage, self._stage = self._stage, None
-        if stage is not None:
-            stage.episodes.close()
+        return self._screen.frame(self.task, self._live().episodes.moment, 0)
 
     def __getstate__(self) -> dict[str, object]:
         """Return the state of a copy that continues with the next episode."""
-        state: dict[str, object] = {
-            "made": (self.task, self.render_mode, self.backend),
-            "spec": self.spec,
-            "spaces": (self.action_space, self.observation_space),
-            "np_random": (self._np_random, self._np_random_seed),
-        }
-        if self._stage is not None and self._stage.episodes.seeded:
-            state["counters"] = (self._stage.episodes.seeds, self._stage.episodes.episodes)
-        return state
+        return self._state(
+            made=(self.task, self.render_mode, self.backend),
+            spec=self.spec,
+            spaces=(self.action_space, self.observation_space),
+            np_random=(self._np_random, self._np_random_seed),
+        )
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         """Make a new environment; the next call must be reset()."""
@@ -150,19 +130,8 @@ class CosimEnv(gymnasium.Env[Observation, NDArray[np.generic]]):
         self.spec = state["spec"]
         self._np_random, self._np_random_seed = state["np_random"]
         self.action_space, self.observation_space = state["spaces"]
-        if "counters" in state and self._stage is not None:
-            self._stage.episodes.count(*state["counters"])
-            self._ended = True
-
-    def __del__(self) -> None:
-        """Free everything."""
-        if getattr(self, "_stage", None) is not None:
-            self.close()
-
-    def _live(self) -> Stage:
-        if self._stage is None:
-            raise InputInvalid("the environment is closed", "a new one")
-        return self._stage
+        self._continue(state)
+        self._ended = "counters" in state
 
 
 def _row(info: Mapping[str, NDArray[np.generic]]) -> dict[str, object]:

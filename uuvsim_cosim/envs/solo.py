@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from functools import cached_property
 from itertools import pairwise
 from typing import TYPE_CHECKING, final
 
@@ -41,7 +42,6 @@ class Solo(Task):
             low = np.concatenate([np.minimum(low, 0.0), np.zeros(flags)])
             high = np.concatenate([np.maximum(high, 0.0), np.ones(flags)])
         self._limits = low, high
-        self._slices: Mapping[str, slice] | None = None
         self.failure_reward = team.failure_reward
         super().__init__(
             team.system,
@@ -101,18 +101,15 @@ class Solo(Task):
         return np.stack([given[agent] for agent in self.team.agents], axis=1)
 
     def _split(self, m: Moment) -> Moment:
-        return _TeamMoment(m, self._columns())
+        return _TeamMoment(m, self._columns)
 
+    @cached_property
     def _columns(self) -> Mapping[str, slice]:
-        """Return the slice of the action for each agent."""
-        if self._slices is None:
-            plan = flatten(self.team.system)
-            widths = [ActionBox(plan, self.team.actions[a]).width for a in self.team.agents]
-            ends = np.cumsum([0, *widths]).tolist()
-            self._slices = {
-                a: slice(i, j) for a, (i, j) in zip(self.team.agents, pairwise(ends), strict=True)
-            }
-        return self._slices
+        """The slice of the action for each agent."""
+        plan = flatten(self.team.system)
+        widths = [ActionBox(plan, self.team.actions[a]).width for a in self.team.agents]
+        ends = np.cumsum([0, *widths]).tolist()
+        return {a: slice(i, j) for a, (i, j) in zip(self.team.agents, pairwise(ends), strict=True)}
 
 
 @final

@@ -11,10 +11,11 @@ from gymnasium.utils import seeding
 from numpy.typing import NDArray
 from pettingzoo import ParallelEnv
 
-from uuvsim_cosim.envs.episodes.multi_agent import TeamMoment, TeamStage
+from uuvsim_cosim.envs.episodes.environment import Environment
+from uuvsim_cosim.envs.episodes.multi_agent import TeamMoment, TeamSimulation
 from uuvsim_cosim.envs.pictures.screen import Screen
 from uuvsim_cosim.envs.plants.choice import Backend
-from uuvsim_cosim.envs.task.argument_checks import base_seed, start_of
+from uuvsim_cosim.envs.task.checks import base_seed, start_of
 from uuvsim_cosim.envs.task.task import TeamTask
 from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.models.declaration.near_names import expected_names
@@ -25,7 +26,10 @@ Observation = NDArray[np.float32]
 
 
 @final
-class CosimParallelEnv(ParallelEnv[str, Observation, NDArray[np.generic]]):  # type: ignore[misc]
+class CosimParallelEnv(
+    Environment[TeamSimulation],
+    ParallelEnv[str, Observation, NDArray[np.generic]],  # type: ignore[misc]
+):
     """A team's task in its system: all agents act at the same time, each on its own vehicle.
 
     `agents` are the agents that act next. An agent may appear later. An agent that has ended does
@@ -43,12 +47,12 @@ class CosimParallelEnv(ParallelEnv[str, Observation, NDArray[np.generic]]):  # t
     def __init__(
         self, team_task: TeamTask, render_mode: str | None = None, backend: Backend = "auto"
     ) -> None:
-        self._stage: TeamStage | None = None
         self._screen = Screen(render_mode)
-        self._stage = stage = TeamStage(
+        self._simulation = simulation = TeamSimulation(
             team_task, 1, backend=backend, drawn=render_mode is not None
         )
         self.task = team_task
+        self._place = simulation.place
         self.render_mode = render_mode
         self.backend = backend
         self.metadata = {
@@ -56,14 +60,14 @@ class CosimParallelEnv(ParallelEnv[str, Observation, NDArray[np.generic]]):  # t
             "name": type(team_task).__name__,
             "render_fps": float(1 / team_task.action_step),
         }
-        self.possible_agents = list(stage.agents)
+        self.possible_agents = list(simulation.agents)
         self.agents: list[str] = []
-        self.observation_spaces: dict[str, gymnasium.spaces.Box] = dict(stage.spaces)
+        self.observation_spaces: dict[str, gymnasium.spaces.Box] = dict(simulation.spaces)
         self.action_spaces: dict[str, gymnasium.spaces.Box] = {
             agent: gymnasium.spaces.Box(-1.0, 1.0, (box.width,), np.float32)
-            for agent, box in stage.boxes.items()
+            for agent, box in simulation.boxes.items()
         }
-        self.state_space = stage.state_space
+        self.state_space = simulation.state_space
 
     def observation_space(self, agent: str) -> gymnasium.spaces.Box:
         """Return an agent's space of observations, the same object each time."""
@@ -77,16 +81,16 @@ class CosimParallelEnv(ParallelEnv[str, Observation, NDArray[np.generic]]):  # t
         self, seed: int | None = None, options: Mapping[str, object] | None = None
     ) -> tuple[dict[str, Observation], dict[str, dict[str, Any]]]:
         """Begin episode 0 of a seed, or without one the next episode of the same seed."""
-        stage = self._live()
+        simulation = self._live()
         start = start_of(options, mask="a vector in autoreset mode 'Disabled'", others=True)
         seeds = None
-        if seed is not None or not stage.episodes.seeded:
+        if seed is not None or not simulation.episodes.seeded:
             seeds = [base_seed(seed) if seed is not None else int(seeding.np_random()[1])]
         self.agents = []
-        team = stage.reset(seeds=seeds, start=start)
+        team = simulation.reset(seeds=seeds, start=start)
         self.agents = self._those(team.present)
         result = self._observations(team), self._infos(team)
-        self._screen.changed(self)
+        self._screen.changed(self.render)
         return result
 
     def step(
@@ -99,10 +103,22 @@ class CosimParallelEnv(ParallelEnv[str, Observation, NDArray[np.generic]]):  # t
         dict[str, dict[str, Any]],
     ]:
         """Act for one action step; `actions` has one for each of `agents`."""
-        stage = self._live()
-        self._check(actions)
-        idle = {a: np.zeros((1, box.width)) for a, box in stage.boxes.items()}
-        team = stage.act({**idle, **{a: np.asarray(actions[a])[None] for a in self.agents}})
+        simulation = self._live()
+        place = self._place
+        if not isinstance(actions, Mapping):
+            raise InputInvalid(place, f"actions {actions!r}", "an action by agent")
+        if not self.agents:
+            raise InputInvalid(place, "no agent is present", "reset() before step()")
+        for agent in actions:
+            if self._known(agent) not in self.agents:
+                read = f"an action for {agent!r}, who has ended or has not come yet"
+                raise InputInvalid(place, read, f"actions for {', '.join(self.agents)}")
+        missing = [repr(a) for a in self.agents if a not in actions]
+        if missing:
+            expected = f"one for each of {', '.join(self.agents)}"
+            raise InputInvalid(place, f"no action for {', '.join(missing)}", expected)
+        idle = {a: np.zeros((1, box.width)) for a, box in simulation.boxes.items()}
+        team = simulation.act({**idle, **{a: np.asarray(actions[a])[None] for a in self.agents}})
         self.agents = self._those(team.present)
         seen = self._numbered(team.seen)
         result = (
@@ -112,7 +128,7 @@ class CosimParallelEnv(ParallelEnv[str, Observation, NDArray[np.generic]]):  # t
             {a: bool(team.truncated[0, j]) for j, a in seen},
             self._infos(team),
         )
-        self._screen.changed(self)
+        self._screen.changed(self.render)
         return result
 
     def state(self) -> NDArray[np.float32]:
@@ -128,43 +144,20 @@ class CosimParallelEnv(ParallelEnv[str, Observation, NDArray[np.generic]]):  # t
         """Draw the present moment; returns pixels, or None where a window shows them."""
         return self._screen.frame(self.task, self._live().now.moment, 0)
 
-    def close(self) -> None:
-        """Free everything; a second call does nothing."""
-        self._screen.close()
-        stage, self._stage = self._stage, None
-        if stage is not None:
-            stage.episodes.close()
-
     def __getstate__(self) -> dict[str, object]:
         """Return the state of a copy that continues with the next episode."""
-        state: dict[str, object] = {
-            "task": self.task,
-            "render_mode": self.render_mode,
-            "backend": self.backend,
-            "spaces": (self.action_spaces, self.observation_spaces),
-        }
-        if self._stage is not None and self._stage.episodes.seeded:
-            state["counters"] = (self._stage.episodes.seeds, self._stage.episodes.episodes)
-        return state
+        return self._state(
+            made=(self.task, self.render_mode, self.backend),
+            spaces=(self.action_spaces, self.observation_spaces),
+        )
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         """Make a new environment; the next call must be reset()."""
-        self.__init__(state["task"], state["render_mode"], state["backend"])
+        CosimParallelEnv.__init__(self, *state["made"])
         self.action_spaces, self.observation_spaces = state["spaces"]
-        if "counters" in state and self._stage is not None:
-            self._stage.episodes.count(*state["counters"])
-
-    def __del__(self) -> None:
-        """Free everything."""
-        if getattr(self, "_stage", None) is not None:
-            self.close()
+        self._continue(state)
 
     # ---- inside ---------------------------------------------------------------------------
-
-    def _live(self) -> TeamStage:
-        if self._stage is None:
-            raise InputInvalid("the environment is closed", "a new one")
-        return self._stage
 
     def _numbered(self, mask: NDArray[np.bool_]) -> list[tuple[int, str]]:
         return [(j, a) for j, a in enumerate(self.possible_agents) if mask[0, j]]
@@ -176,10 +169,10 @@ class CosimParallelEnv(ParallelEnv[str, Observation, NDArray[np.generic]]):  # t
         return {a: team.observation[a][0].copy() for a in self._those(team.seen)}
 
     def _infos(self, team: TeamMoment) -> dict[str, dict[str, object]]:
-        stage = self._live()
-        given = stage.info(team.moment)
+        simulation = self._live()
+        given = simulation.info(team.moment)
         infos = {a: {k: v[0].copy() for k, v in given.items()} for a in self._those(team.seen)}
-        if failure := stage.episodes.failure(0):
+        if failure := simulation.episodes.failure(0):
             for info in infos.values():
                 info["failure"] = failure
         return infos
@@ -187,30 +180,5 @@ class CosimParallelEnv(ParallelEnv[str, Observation, NDArray[np.generic]]):  # t
     def _known(self, agent: str) -> str:
         if agent not in self.possible_agents:
             known = expected_names(agent, self.possible_agents)
-            raise InputInvalid(self._place(), f"no agent {agent!r}", known)
+            raise InputInvalid(self._place, f"no agent {agent!r}", known)
         return agent
-
-    def _check(self, actions: Mapping[str, object]) -> None:
-        place = self._place()
-        if not isinstance(actions, Mapping):
-            raise InputInvalid(place, f"actions {actions!r}", "an action by agent")
-        if not self.agents:
-            raise InputInvalid(place, "nobody is there to act", "reset() before step()")
-        for agent in actions:
-            self._known(agent)
-            if agent not in self.agents:
-                raise InputInvalid(
-                    place,
-                    f"an action for {agent!r}, who has ended or has not come yet",
-                    f"actions for {', '.join(self.agents)}",
-                )
-        missing = [a for a in self.agents if a not in actions]
-        if missing:
-            raise InputInvalid(
-                place,
-                f"no action for {', '.join(map(repr, missing))}",
-                f"one for each of {', '.join(self.agents)}",
-            )
-
-    def _place(self) -> str:
-        return f"task {type(self.task).__name__}"

@@ -6,32 +6,32 @@ from collections.abc import Mapping, Sequence
 from typing import Any, ClassVar, final
 
 import numpy as np
-from gymnasium.envs.registration import EnvSpec
 from gymnasium.spaces import Box
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
 from uuvsim_cosim.envs import vector_info
-from uuvsim_cosim.envs.episodes.single_agent import Stage
-from uuvsim_cosim.envs.episodes.time_limit import limited
+from uuvsim_cosim.envs.episodes.environment import Environment, LimitedSpec
+from uuvsim_cosim.envs.episodes.single_agent import TaskSimulation
 from uuvsim_cosim.envs.pictures.screen import Screen
 from uuvsim_cosim.envs.plants.choice import Backend, DType
-from uuvsim_cosim.envs.task.argument_checks import base_seed, mask_of, start_of, whole
-from uuvsim_cosim.envs.task.instant import Instant
-from uuvsim_cosim.envs.task.task import Task
+from uuvsim_cosim.envs.task.checks import base_seed, whole
+from uuvsim_cosim.envs.task.signals import Instant
+from uuvsim_cosim.envs.task.task import Mask, Task
 from uuvsim_cosim.errors import InputInvalid
 
 __all__ = ["CosimVectorEnv"]
 
 Observations = NDArray[np.float32]
 Array = NDArray[np.generic]
-Mask = NDArray[np.bool_]
 Step = tuple[Observations, NDArray[np.float64], Mask, Mask, dict[str, Any]]
 
 
 @final
-class CosimVectorEnv(VectorEnv[Observations, Array, Array]):
+class CosimVectorEnv(
+    LimitedSpec, VectorEnv[Observations, Array, Array], Environment[TaskSimulation]
+):
     """A task in `num_envs` copies of its system: environment i of seed s is CosimEnv of s + i.
 
     The fused kernel in `threads`, and in number type `dtype`, when the system can be fused; else
@@ -42,6 +42,7 @@ class CosimVectorEnv(VectorEnv[Observations, Array, Array]):
     start terminates in its first step; a reset in which none can start raises ComponentFailed.
     """
 
+    _closed = ("the environments are closed", "new ones")
     metadata: ClassVar[dict[str, object]] = {  # type: ignore[misc]
         "render_modes": ["rgb_array"],
         "autoreset_mode": AutoresetMode.NEXT_STEP,
@@ -59,7 +60,6 @@ class CosimVectorEnv(VectorEnv[Observations, Array, Array]):
         dtype: DType = "float64",
         processes: int | None = None,
     ) -> None:
-        self._stage: Stage | None = None
         num_envs = whole(num_envs, "num_envs")
         self._mode = vector_info.autoreset_of(autoreset_mode)
         if render_mode == "human":
@@ -70,7 +70,7 @@ class CosimVectorEnv(VectorEnv[Observations, Array, Array]):
             "backend": backend, "autoreset_mode": self._mode, "threads": threads,
             "dtype": dtype, "processes": processes,
         }  # fmt: skip
-        self._stage = Stage(
+        self._simulation = TaskSimulation(
             task, num_envs, backend=backend, threads=threads, dtype=dtype,
             processes=processes, drawn=render_mode is not None,
         )  # fmt: skip
@@ -83,7 +83,7 @@ class CosimVectorEnv(VectorEnv[Observations, Array, Array]):
             "autoreset_mode": self._mode,
             "render_fps": float(1 / task.action_step),
         }
-        box, width = self._stage.observation_box, self._stage.action_box.width
+        box, width = self._simulation.observation_box, self._simulation.action_box.width
         self.single_observation_space = Box(box.low, box.high, dtype=np.float32)
         self.single_action_space = Box(-1.0, 1.0, (width,), np.float32)
         self.observation_space = batch_space(self.single_observation_space, self.num_envs)
@@ -100,59 +100,42 @@ class CosimVectorEnv(VectorEnv[Observations, Array, Array]):
 
         One seed s means s, s + 1, …; a list has a seed for each environment.
         """
-        stage = self._live()
-        wants = None if self._mode is AutoresetMode.DISABLED else "autoreset mode 'Disabled'"
-        start, mask = start_of(options, mask=wants), mask_of(options, self.num_envs)
-        if mask is not None and not stage.episodes.begun:
-            raise InputInvalid(stage.place, "reset_mask before any reset", "a whole one")
+        simulation = self._live()
+        start, mask = vector_info.reset_options(options, self._mode, simulation)
         seeds = self._seeds(seed)
-        m = stage.episodes.reset(mask, seeds=seeds, start=start)
+        m = simulation.episodes.reset(mask, seeds=seeds, start=start)
         self._ended = np.zeros(self.num_envs, bool) if mask is None else self._ended & ~mask
-        infos = vector_info.of(stage.info(m), mask, self.num_envs)
-        return stage.observe(m), infos
+        infos = vector_info.of(simulation.info(m), mask, self.num_envs)
+        return simulation.observe(m), infos
 
     def step(self, actions: Array) -> Step:
         """Act in all environments for one action step."""
-        stage = self._live()
-        if not stage.episodes.begun:
-            raise InputInvalid(stage.place, "no episode has begun", "reset() first")
+        simulation = self._live()
+        if not simulation.episodes.begun:
+            raise InputInvalid(simulation.place, "no episode has begun", "reset() first")
         ended = self._ended
-        again = bool(ended.any())
+        again = bool(ended.any())  # whether an episode begins in this step
         if again and self._mode is AutoresetMode.DISABLED:
-            vector_info.refuse_ended(stage.place, ended)
-        m = stage.act(actions, ended if again else None)
-        reward, terminated = stage.reward(m), stage.terminated(m)
-        truncated = stage.episodes.over & ~terminated
+            vector_info.refuse_ended(simulation.place, ended)
+        m = simulation.act(actions, ended if again else None)
+        reward, terminated = simulation.reward(m), simulation.terminated(m)
+        truncated = simulation.episodes.over & ~terminated
         if again:
             reward = np.where(ended, 0.0, reward)
             terminated, truncated = terminated & ~ended, truncated & ~ended
-        infos = vector_info.of(stage.info(m), None, self.num_envs)
+        infos = vector_info.of(simulation.info(m), None, self.num_envs)
         self._ended = terminated | truncated
         done = bool(self._ended.any())
         if done and terminated.any():
-            vector_info.add_failures(infos, stage.episodes, terminated)
-        observations = stage.observe(m)
+            vector_info.add_failures(infos, simulation.episodes, terminated)
+        observations = simulation.observe(m)
         if done and self._mode is AutoresetMode.SAME_STEP:
-            return self._begun(stage, (observations, reward, terminated, truncated, infos))
+            ended, self._ended = self._ended, np.zeros(self.num_envs, bool)
+            m = simulation.episodes.reset(ended)
+            new = simulation.observe(m)
+            infos = vector_info.final(infos, observations, ended, simulation.info(m))
+            observations = np.where(ended[:, None], new, observations)
         return observations, reward, terminated, truncated, infos
-
-    def _begun(self, stage: Stage, last: Step) -> Step:
-        """Begin the next episodes in the step that ended the last."""
-        observations, reward, terminated, truncated, infos = last
-        ended, self._ended = self._ended, np.zeros(self.num_envs, bool)
-        m = stage.episodes.reset(ended)
-        new = stage.observe(m)
-        infos = vector_info.final(infos, observations, ended, stage.info(m))
-        return np.where(ended[:, None], new, observations), reward, terminated, truncated, infos
-
-    @property
-    def spec(self) -> EnvSpec | None:
-        """The spec of gymnasium.make_vec, with the steps of an episode."""
-        return self._spec
-
-    @spec.setter
-    def spec(self, spec: EnvSpec | None) -> None:
-        self._spec = limited(spec, self.task)
 
     def render(self) -> tuple[Any, ...] | None:
         """Draw each environment, as pixels."""
@@ -164,24 +147,18 @@ class CosimVectorEnv(VectorEnv[Observations, Array, Array]):
 
     def close_extras(self, **kwargs: object) -> None:
         """Free everything."""
-        self._screen.close()
-        stage, self._stage = self._stage, None
-        if stage is not None:
-            stage.episodes.close()
+        Environment.close(self)
 
     def __getstate__(self) -> dict[str, object]:
         """Return the state of copies that continue with the next episodes."""
         spaces = (self.action_space, self.single_action_space,
                   self.observation_space, self.single_observation_space)  # fmt: skip
-        state: dict[str, object] = {
-            "made": self._made,
-            "spec": self.spec,
-            "spaces": spaces,
-            "np_random": (self._np_random, self._np_random_seed),
-        }
-        if self._stage is not None and self._stage.episodes.seeded:
-            state["counters"] = (self._stage.episodes.seeds, self._stage.episodes.episodes)
-        return state
+        return self._state(
+            made=self._made,
+            spec=self.spec,
+            spaces=spaces,
+            np_random=(self._np_random, self._np_random_seed),
+        )
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         """Make new environments; the next call must be reset()."""
@@ -190,13 +167,7 @@ class CosimVectorEnv(VectorEnv[Observations, Array, Array]):
         self._np_random, self._np_random_seed = state["np_random"]
         (self.action_space, self.single_action_space,
          self.observation_space, self.single_observation_space) = state["spaces"]  # fmt: skip
-        if "counters" in state and self._stage is not None:
-            self._stage.episodes.count(*state["counters"])
-
-    def __del__(self) -> None:
-        """Free everything."""
-        if getattr(self, "_stage", None) is not None:
-            self.close()
+        self._continue(state)
 
     def _seeds(self, seed: int | Sequence[int | None] | None) -> NDArray[np.uint64] | None:
         """Return a seed for each environment, or None to continue with the same seeds."""
@@ -215,8 +186,3 @@ class CosimVectorEnv(VectorEnv[Observations, Array, Array]):
             rng = np.random.default_rng()
             numbers = [int(rng.integers(2**63)) if s is None else base_seed(s) for s in seed]
         return np.array(numbers, np.uint64)
-
-    def _live(self) -> Stage:
-        if self._stage is None:
-            raise InputInvalid("the environments are closed", "new ones")
-        return self._stage

@@ -10,9 +10,12 @@ from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
 
 from uuvsim_cosim.envs.episodes.episodes import Episodes
+from uuvsim_cosim.envs.episodes.multi_agent import TeamSimulation
+from uuvsim_cosim.envs.episodes.single_agent import TaskSimulation
+from uuvsim_cosim.envs.task.checks import mask_of, start_of
 from uuvsim_cosim.errors import InputInvalid
 
-__all__ = ["add_failures", "autoreset_of", "final", "of", "refuse_ended"]
+__all__ = ["add_failures", "autoreset_of", "final", "of", "refuse_ended", "reset_options"]
 
 Mask = NDArray[np.bool_]
 
@@ -24,6 +27,19 @@ def autoreset_of(given: AutoresetMode | str) -> AutoresetMode:
     except ValueError:
         words = ", ".join(repr(m.value) for m in AutoresetMode)
         raise InputInvalid(f"autoreset_mode {given!r}", f"one of {words}") from None
+
+
+def reset_options(
+    options: Mapping[str, object] | None,
+    mode: AutoresetMode,
+    simulation: TaskSimulation | TeamSimulation,
+) -> tuple[Mapping[str, object], Mask | None]:
+    """Return start values and mask of the options of a reset; raises InputInvalid."""
+    wants = None if mode is AutoresetMode.DISABLED else "autoreset mode 'Disabled'"
+    start, mask = start_of(options, mask=wants), mask_of(options, simulation.episodes.n)
+    if mask is not None and not simulation.episodes.begun:
+        raise InputInvalid(simulation.place, "reset_mask before any reset", "a whole one")
+    return start, mask
 
 
 def refuse_ended(place: str, ended: Mask) -> None:

@@ -15,8 +15,7 @@ import pytest
 from tests.conftest import Uuvsim
 from uuvsim_cosim.cli import command_tree
 from uuvsim_cosim.commands.shared.answer import answer, answering, error_fields
-from uuvsim_cosim.commands.shared.common_options import walk
-from uuvsim_cosim.commands.shared.examples import EXAMPLES
+from uuvsim_cosim.commands.shared.common_options import EXAMPLES, walk
 from uuvsim_cosim.commands.shared.terminal import line, number, remark, table
 from uuvsim_cosim.errors import Problem, SystemInvalid
 from uuvsim_cosim.orchestrator.ssp.ssd import write_ssd

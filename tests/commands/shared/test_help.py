@@ -6,8 +6,7 @@ import pytest
 
 from tests.conftest import Uuvsim
 from uuvsim_cosim.cli import command_tree
-from uuvsim_cosim.commands.shared.common_options import walk
-from uuvsim_cosim.commands.shared.option_groups import GROUPS
+from uuvsim_cosim.commands.shared.common_options import GROUPS, walk
 
 COMMANDS = dict(walk(command_tree()))
 MOST = 10

@@ -7,22 +7,22 @@ import pytest
 
 from tests.envs.drift import LIMIT, Drift
 from uuvsim_cosim.envs.episodes.episodes import AGENT, Episodes
-from uuvsim_cosim.envs.episodes.single_agent import Stage
+from uuvsim_cosim.envs.episodes.single_agent import TaskSimulation
 from uuvsim_cosim.envs.task.episode_draws import Draws
 from uuvsim_cosim.errors import InputInvalid
 
 
 @pytest.fixture
-def stage() -> Iterator[Stage]:
-    made = Stage(Drift(), 4)
+def simulation() -> Iterator[TaskSimulation]:
+    made = TaskSimulation(Drift(), 4)
     yield made
     made.episodes.close()
 
 
 @pytest.fixture
-def episodes(stage: Stage) -> Episodes:
-    stage.episodes.reset(seeds=[1, 2, 3, 4])
-    return stage.episodes
+def episodes(simulation: TaskSimulation) -> Episodes:
+    simulation.episodes.reset(seeds=[1, 2, 3, 4])
+    return simulation.episodes
 
 
 def test_after_a_reset_the_moment_before_is_the_moment_itself(episodes: Episodes) -> None:
@@ -33,10 +33,12 @@ def test_after_a_reset_the_moment_before_is_the_moment_itself(episodes: Episodes
     np.testing.assert_allclose(m.start["hull.eta_0"], m["hull.eta"], atol=1e-12)
 
 
-def test_a_moment_knows_the_one_before_and_no_older_one(stage: Stage, episodes: Episodes) -> None:
+def test_a_moment_knows_the_one_before_and_no_older_one(
+    simulation: TaskSimulation, episodes: Episodes
+) -> None:
     first = episodes.moment
-    second = stage.act(np.ones((4, 3)))
-    third = stage.act(np.full((4, 3), 2.0))
+    second = simulation.act(np.ones((4, 3)))
+    third = simulation.act(np.full((4, 3), 2.0))
     assert third.before is second
     assert second.before is second
     assert first.before is first
@@ -45,8 +47,10 @@ def test_a_moment_knows_the_one_before_and_no_older_one(stage: Stage, episodes: 
     np.testing.assert_array_equal(third.action[AGENT], np.ones((4, 3)))
 
 
-def test_a_partial_reset_leaves_the_others_as_they_were(stage: Stage, episodes: Episodes) -> None:
-    old = stage.act(np.ones((4, 3)))
+def test_a_partial_reset_leaves_the_others_as_they_were(
+    simulation: TaskSimulation, episodes: Episodes
+) -> None:
+    old = simulation.act(np.ones((4, 3)))
     mask = np.array([False, True, False, True])
     new = episodes.reset(mask)
     np.testing.assert_array_equal(new["hull.eta"][~mask], old["hull.eta"][~mask])
@@ -79,13 +83,15 @@ def test_draws_of_an_environment_alone_are_those_among_many() -> None:
             np.testing.assert_array_equal(got[0], many.uniform("a", -1, 2, shape)[episode])
 
 
-def test_an_episode_is_over_after_the_horizon(stage: Stage, episodes: Episodes) -> None:
+def test_an_episode_is_over_after_the_horizon(
+    simulation: TaskSimulation, episodes: Episodes
+) -> None:
     for k in range(LIMIT):
         assert not episodes.over.any(), k
-        stage.act(np.zeros((4, 3)))
+        simulation.act(np.zeros((4, 3)))
     assert episodes.over.all()
 
 
-def test_a_moment_before_the_first_reset_is_refused(stage: Stage) -> None:
+def test_a_moment_before_the_first_reset_is_refused(simulation: TaskSimulation) -> None:
     with pytest.raises(InputInvalid, match=r"expected reset\(\) first"):
-        _ = stage.episodes.moment
+        _ = simulation.episodes.moment

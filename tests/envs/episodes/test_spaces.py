@@ -7,8 +7,8 @@ import pytest
 
 from tests.envs.drift import drifting
 from uuvsim_cosim.envs.episodes.spaces import ActionBox, ObservationBox
-from uuvsim_cosim.envs.task.channel import Channel
 from uuvsim_cosim.envs.task.signals import Signals
+from uuvsim_cosim.envs.task.task import Channel
 from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.orchestrator.plan.flatten import flatten
 

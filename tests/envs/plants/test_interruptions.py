@@ -15,7 +15,8 @@ import pytest
 
 from tests.envs.drift import Drift
 from uuvsim_cosim.envs import CosimVectorEnv
-from uuvsim_cosim.envs.plants.worker_pipe import WorkerProcess
+from uuvsim_cosim.envs.plants import worker_process
+from uuvsim_cosim.envs.plants.worker_process import WorkerProcess
 from uuvsim_cosim.errors import InputInvalid, UuvsimError
 
 N = 4
@@ -60,14 +61,15 @@ class Stop(Exception):
     """What a signal handler raises."""
 
 
-@pytest.mark.parametrize("place", ["send", "answer", "_next", "_pipe"])
+@pytest.mark.parametrize("place", ["send", "answer", "_next", "receive"])
 @pytest.mark.parametrize("after", [False, True])
 def test_wherever_an_exchange_is_interrupted_a_reset_settles_it(
     monkeypatch: pytest.MonkeyPatch, place: str, after: bool
 ) -> None:
     env = CosimVectorEnv(Drift(), N, backend="master", processes=2)
     expected = lived(env)
-    own: Callable[..., Any] = getattr(WorkerProcess, place)
+    owner: Any = worker_process if place == "receive" else WorkerProcess
+    own: Callable[..., Any] = getattr(owner, place)
 
     def interrupted(*arguments: Any) -> Any:
         if after:
@@ -75,8 +77,7 @@ def test_wherever_an_exchange_is_interrupted_a_reset_settles_it(
         raise Stop
 
     with monkeypatch.context() as patch:
-        patch.setattr(WorkerProcess, place, staticmethod(interrupted) if place == "_pipe"
-                      else interrupted)  # fmt: skip
+        patch.setattr(owner, place, interrupted)
         with pytest.raises(Stop):
             env.step(np.zeros((N, 3)))
     with pytest.raises(InputInvalid, match=r"was interrupted; expected reset\(\)|no episode"):
@@ -88,14 +89,14 @@ def test_wherever_an_exchange_is_interrupted_a_reset_settles_it(
 def test_a_worker_torn_in_a_message_is_made_anew(monkeypatch: pytest.MonkeyPatch) -> None:
     env = CosimVectorEnv(Drift(), N, backend="master", processes=2)
     expected = lived(env)
-    plant: Any = env._stage.episodes.plant  # type: ignore[union-attr]
+    plant: Any = env._simulation.episodes.plant  # type: ignore[union-attr]
 
     def half(pipe: Any, message: Any) -> None:
         pipe.write(b"\x40\0\0\0")
         raise Stop
 
     with monkeypatch.context() as patch:
-        patch.setattr("uuvsim_cosim.envs.plants.worker_pipe.send", half)
+        patch.setattr("uuvsim_cosim.envs.plants.worker_process.send", half)
         with pytest.raises(Stop):
             env.step(np.zeros((N, 3)))
     assert plant._workers[0].torn
@@ -144,7 +145,7 @@ def test_a_forked_process_has_no_workers_and_leaves_them_alone() -> None:
 
 
 def test_shared_memory_has_no_name_from_the_start() -> None:
-    from uuvsim_cosim.envs.plants.shared_memory import Shared
+    from uuvsim_cosim.envs.plants.worker_process import Shared
 
     def named() -> set[str]:
         return {f for f in os.listdir("/dev/shm") if f.startswith(f"uuvsim-{os.getpid()}-")}

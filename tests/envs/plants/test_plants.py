@@ -77,23 +77,23 @@ def test_one_copy_equals_its_row_among_many(options: dict[str, Any]) -> None:
 def test_a_start_value_holds_for_one_episode(backend: Any) -> None:
     made = plant(2, backend=backend, processes=0)
     made.reset(np.ones(2, bool), [1, 2], {"hull.m": np.array([12.0, 13.0])})
-    np.testing.assert_array_equal(made.read("hull.m"), [12.0, 13.0])
+    np.testing.assert_array_equal(made.gather()[-1], [12.0, 13.0])
     declared = drifting().describe("hull").variables["m"].start
     made.reset(np.array([True, False]), [1, 2], {})
-    np.testing.assert_array_equal(made.read("hull.m"), [declared, 13.0])
+    np.testing.assert_array_equal(made.gather()[-1], [declared, 13.0])
     made.close()
 
 
 @pytest.mark.parametrize("backend", ["kernel", "master"])
 def test_inputs_have_their_start_values_again_after_a_reset(backend: Any) -> None:
-    made = plant(1, backend=backend)
+    made = plant_of(drifting(), 1, reads=["hull.tau"], acts=ACTS, backend=backend)
     made.reset(np.ones(1, bool), [1], {})
     made.scatter(np.ones((2, 1)))
     made.step(1)
-    np.testing.assert_array_equal(made.read("hull.tau"), [[1, 0, 0, 0, 0, 1]])
+    np.testing.assert_array_equal(made.gather().T, [[1, 0, 0, 0, 0, 1]])
     made.reset(np.ones(1, bool), [1], {})
     made.step(1)
-    np.testing.assert_array_equal(made.read("hull.tau"), np.zeros((1, 6)))
+    np.testing.assert_array_equal(made.gather(), np.zeros((6, 1)))
     made.close()
 
 
@@ -163,7 +163,7 @@ def test_an_error_in_a_worker_has_its_class_and_words() -> None:
     assert made.failed.tolist() == [False, True]
     assert "value -1.0" in str(made.failure(1))
     with pytest.raises(UuvsimError, match="mm"):
-        made.read("hull.mm")
+        made.reset(np.ones(2, bool), [1, 2], {"hull.mm": np.zeros(2)})
     made.reset(np.ones(2, bool), [1, 2], {})
     made.step(1)
     assert not made.failed.any()

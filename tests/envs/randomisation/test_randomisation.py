@@ -23,9 +23,8 @@ from uuvsim_cosim.envs.randomisation.published import (
     thruster_strength,
 )
 from uuvsim_cosim.envs.randomisation.randomisation import Randomisation, Vary
-from uuvsim_cosim.envs.task.channel import Channel
 from uuvsim_cosim.envs.task.episode_draws import Draws
-from uuvsim_cosim.envs.task.task import Moment, Task
+from uuvsim_cosim.envs.task.task import Channel, Moment, Task
 from uuvsim_cosim.envs.tasks import TargetTracking
 from uuvsim_cosim.envs.team import CosimParallelEnv
 from uuvsim_cosim.errors import InputInvalid, SystemInvalid
@@ -272,8 +271,8 @@ def test_a_privileged_team_sees_what_is_drawn_in_each_view_and_in_the_state() ->
     team = CosimParallelEnv(task)
     try:
         seen, _ = team.reset(seed=4)
-        assert team._stage is not None
-        m = team._stage.now.moment.start["tracker_1.hull.m"]
+        assert team._simulation is not None
+        m = team._simulation.now.moment.start["tracker_1.hull.m"]
         low, high = task.drawn.quantities[0].limits
         wanted = 2 * (m[0] - low) / (high - low) - 1
         assert abs(wanted) < 1

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 import uuvsim_cosim.envs  # noqa: F401  (registers the ids)
 from tests.envs.tasks.moments import ArrayMoment
-from uuvsim_cosim.envs.episodes.single_agent import Stage
+from uuvsim_cosim.envs.episodes.single_agent import TaskSimulation
 from uuvsim_cosim.envs.task.episode_draws import Draws
 from uuvsim_cosim.envs.tasks import (
     DisturbanceRejection,
@@ -131,17 +131,17 @@ def test_the_faults_drawn_are_at_most_as_many_as_asked_for_and_some_of_each_thru
 @pytest.mark.parametrize("curve", ["lemniscate", "helix", "line"])
 def test_the_reference_begins_where_the_vehicle_is_put_and_moves_at_its_speed(curve: str) -> None:
     task = TrajectoryFollowing(curves=(curve,), away=0.0, speed=(0.3, 0.3))
-    stage = Stage(task, 6)
-    m = stage.episodes.reset(seeds=range(6))
+    simulation = TaskSimulation(task, 6)
+    m = simulation.episodes.reset(seeds=range(6))
     np.testing.assert_allclose(m["reference.eta_d"][:, :3], m["hull.eta"][:, :3], atol=1e-12)
     off = wrap(m["reference.eta_d"][:, 5] - m["hull.eta"][:, 5])
     assert np.all(np.abs(off) <= 0.8 + 1e-9)
     assert m["reference.nu_d"][:, 0] == pytest.approx(0.3)
     ahead = m["reference.ahead"].reshape(6, 4, 3)
     for _ in range(5):
-        m = stage.act(np.zeros((6, 6)))
+        m = simulation.act(np.zeros((6, 6)))
     np.testing.assert_allclose(m["reference.eta_d"][:, :3], ahead[:, 0], atol=1e-12)
-    stage.episodes.close()
+    simulation.episodes.close()
 
 
 @pytest.mark.parametrize("make", TASKS)
@@ -172,12 +172,12 @@ def test_a_privileged_observer_sees_the_water_and_what_was_drawn(make: type[Pose
     drawn = len(task.randomisation.privileged_names)  # type: ignore[union-attr]
     more = 8 if make is DisturbanceRejection else 0
     assert len(task.extra_limits[0]) == len(plain.extra_limits[0]) + 3 + more + drawn
-    stage = Stage(task, 3)
-    m = stage.episodes.reset(seeds=[1, 2, 3])
-    last = stage.observe(m)[:, -drawn:]
+    simulation = TaskSimulation(task, 3)
+    m = simulation.episodes.reset(seeds=[1, 2, 3])
+    last = simulation.observe(m)[:, -drawn:]
     assert np.all(np.abs(last) <= 1.0)
     assert np.all(last.std(axis=0) > 0.0)
-    stage.episodes.close()
+    simulation.episodes.close()
 
 
 def test_who_strays_has_failed() -> None:
@@ -187,11 +187,11 @@ def test_who_strays_has_failed() -> None:
 
 
 def test_the_eight_commands_can_be_acted_on_as_well() -> None:
-    stage = Stage(StationKeeping(action="thrusters"), 1)
-    assert stage.action_box.width == 8
-    stage.episodes.reset(seeds=[0])
-    assert np.isfinite(stage.observe(stage.act(np.full((1, 8), 0.3)))).all()
-    stage.episodes.close()
+    simulation = TaskSimulation(StationKeeping(action="thrusters"), 1)
+    assert simulation.action_box.width == 8
+    simulation.episodes.reset(seeds=[0])
+    assert np.isfinite(simulation.observe(simulation.act(np.full((1, 8), 0.3)))).all()
+    simulation.episodes.close()
 
 
 @pytest.mark.parametrize("id", ["StationKeeping", "TrajectoryFollowing", "DisturbanceRejection"])

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 import uuvsim_cosim.envs  # noqa: F401  (registers the ids)
 from tests.envs.tasks.moments import ArrayMoment
-from uuvsim_cosim.envs.episodes.multi_agent import TeamStage
+from uuvsim_cosim.envs.episodes.multi_agent import TeamSimulation
 from uuvsim_cosim.envs.solo import Solo
 from uuvsim_cosim.envs.task.episode_draws import Draws
 from uuvsim_cosim.envs.tasks import TargetTracking, evaluate, scripted_policy
@@ -172,34 +172,34 @@ OPTIONS: list[dict[str, Any]] = [
 @pytest.mark.parametrize("options", OPTIONS, ids=lambda o: "-".join(map(str, o.values())))
 def test_every_option_runs_with_finite_numbers_within_the_limits(options: dict[str, Any]) -> None:
     task = TargetTracking(**options)
-    stage = TeamStage(task, 4)
-    stage.reset(seeds=[1, 2, 3, 4])
+    simulation = TeamSimulation(task, 4)
+    simulation.reset(seeds=[1, 2, 3, 4])
     policies = scripted_policy(task)
     assert isinstance(policies, Mapping)
     for _ in range(10):
-        seen = stage.now.observation
-        now = stage.act({a: policies[a](seen[a]) for a in task.agents})
+        seen = simulation.now.observation
+        now = simulation.act({a: policies[a](seen[a]) for a in task.agents})
         assert np.isfinite(now.reward).all()
-        assert all(stage.spaces[a].contains(now.observation[a][0]) for a in task.agents)
-    assert stage.state_space.contains(stage.state()[0])
-    stage.episodes.close()
+        assert all(simulation.spaces[a].contains(now.observation[a][0]) for a in task.agents)
+    assert simulation.state_space.contains(simulation.state()[0])
+    simulation.episodes.close()
 
 
 def test_links_that_are_late_show_where_the_target_was_and_the_start_before() -> None:
     late, sharp = TargetTracking(1, 0, delay=0.4), TargetTracking(1, 0)
     assert "positioning.y" in late.signals
     assert "positioning.y" not in sharp.signals
-    stage, other = TeamStage(late, 1), TeamStage(sharp, 1)
-    stage.reset(seeds=[5])
+    simulation, other = TeamSimulation(late, 1), TeamSimulation(sharp, 1)
+    simulation.reset(seeds=[5])
     other.reset(seeds=[5])
-    first, known = (s.now.observation["tracker_1"] for s in (stage, other))
+    first, known = (s.now.observation["tracker_1"] for s in (simulation, other))
     assert np.array_equal(first, known)
     other.episodes.close()
     for _ in range(4):
-        m = stage.act({"tracker_1": np.zeros((1, 2))}).moment
+        m = simulation.act({"tracker_1": np.zeros((1, 2))}).moment
     behind = m["positioning.y"][0, :2] - m["target.position"][0, :2]
     assert np.hypot(*behind) == pytest.approx(0.15 * 0.4, rel=0.4)
-    stage.episodes.close()
+    simulation.episodes.close()
 
 
 def test_with_two_trackers_the_ids_are_one_central_agent_and_the_task_a_parallel_environment() -> (

@@ -10,8 +10,15 @@ import pytest
 from numpy.typing import NDArray
 
 from uuvsim_cosim.envs.task.episode_draws import Draws
-from uuvsim_cosim.envs.tasks.tracking_reward import Scene, Terms, lambda_2, reward_terms
-from uuvsim_cosim.envs.tasks.tracking_rules import PROFILES, TrackingRules, rules_of
+from uuvsim_cosim.envs.tasks.tracking_reward import (
+    PROFILES,
+    Scene,
+    Terms,
+    TrackingRules,
+    lambda_2,
+    reward_terms,
+    rules_of,
+)
 from uuvsim_cosim.envs.tasks.tracking_start import Arena, legal_start
 from uuvsim_cosim.errors import InputInvalid
 

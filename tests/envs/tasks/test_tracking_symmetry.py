@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from uuvsim_cosim.envs.episodes.multi_agent import TeamStage
+from uuvsim_cosim.envs.episodes.multi_agent import TeamSimulation
 from uuvsim_cosim.envs.task.episode_draws import Draws
 from uuvsim_cosim.envs.tasks.pool_tracking import PoolTracking
 from uuvsim_cosim.envs.tasks.target_tracking import TargetTracking
@@ -41,15 +41,15 @@ def lived(image: str, signs: Array, **options: Any) -> tuple[Array, Array]:
     """Return observations (k, N, n, d) and rewards of eight random actions, seen in the image."""
     task = Seen(2, 2, motion="rest", rules={"credit": "own"}, **options)
     task.image = image
-    stage, random = TeamStage(task, 6), np.random.default_rng(3)
-    stage.reset(seeds=list(range(6)))
+    simulation, random = TeamSimulation(task, 6), np.random.default_rng(3)
+    simulation.reset(seeds=list(range(6)))
     observed, rewards = [], []
     for _ in range(8):
         acts = {a: random.uniform(-1, 1, (6, 2)) * signs for a in task.agents}
-        now = stage.act(acts)
+        now = simulation.act(acts)
         observed.append([now.observation[a] for a in task.agents])
         rewards.append(now.reward)
-    stage.episodes.close()
+    simulation.episodes.close()
     return np.array(observed), np.array(rewards)
 
 

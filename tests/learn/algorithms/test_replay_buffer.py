@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from uuvsim_cosim.envs.task.symmetry import Symmetry
+from uuvsim_cosim.envs.task.task import Symmetry
 from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.learn.algorithms.replay_buffer import Replay, Transitions, seen_by
 

@@ -359,9 +359,9 @@ def test_a_runner_sees_what_the_task_sees(shipped: Policy, tmp_path: Path) -> No
     policy = replace(policy, observation=tuple(Named("o", -h, h) for h in map(float, high)))
     file = policy.save(tmp_path / "p.npz")
     runner = module_of(export_policy(file, tmp_path / "r.py")[0]).Runner()
-    from uuvsim_cosim.envs.episodes.multi_agent import TeamStage
+    from uuvsim_cosim.envs.episodes.multi_agent import TeamSimulation
 
-    stage = TeamStage(task, 1)
+    stage = TeamSimulation(task, 1)
     now = stage.reset(seeds=[3])
     for _ in range(6):
         m = now.moment

@@ -8,10 +8,8 @@ from typing import Annotated
 import typer
 
 from uuvsim_cosim.commands.shared.completion import policies, tasks
-from uuvsim_cosim.commands.shared.name_value_options import assignments
-from uuvsim_cosim.commands.shared.nested_options import nested
-from uuvsim_cosim.commands.shared.ray_option import RAY, clustered
-from uuvsim_cosim.commands.shared.study_progress import StudyProgress
+from uuvsim_cosim.commands.shared.options import RAY, assignments, clustered, nested
+from uuvsim_cosim.commands.shared.progress import StudyProgress
 from uuvsim_cosim.commands.shared.terminal import file_table, line, number, put, remark, table
 from uuvsim_cosim.errors import InputInvalid
 

@@ -10,9 +10,8 @@ import typer
 
 from uuvsim_cosim.commands.learn.policies import acting_of
 from uuvsim_cosim.commands.shared.completion import policies, tasks
-from uuvsim_cosim.commands.shared.nested_options import nested
-from uuvsim_cosim.commands.shared.ray_option import RAY, clustered
-from uuvsim_cosim.commands.shared.study_progress import StudyProgress
+from uuvsim_cosim.commands.shared.options import RAY, clustered, nested
+from uuvsim_cosim.commands.shared.progress import StudyProgress
 from uuvsim_cosim.commands.shared.terminal import Shown, file_line, line, table, tilde
 from uuvsim_cosim.errors import InputInvalid
 

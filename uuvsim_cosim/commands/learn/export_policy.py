@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from uuvsim_cosim.commands.shared.fmu_options import fmi_version, platform_names
+from uuvsim_cosim.commands.shared.options import fmi_version, platform_names
 from uuvsim_cosim.commands.shared.terminal import console, file_line
 
 __all__ = ["export_policy_command"]

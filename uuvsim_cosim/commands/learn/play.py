@@ -12,9 +12,8 @@ import typer
 
 from uuvsim_cosim.commands.learn.policies import Acting, acting_of
 from uuvsim_cosim.commands.shared.completion import policies, tasks
-from uuvsim_cosim.commands.shared.nested_options import nested
-from uuvsim_cosim.commands.shared.out_option import expect_folder
-from uuvsim_cosim.commands.shared.study_progress import StudyProgress
+from uuvsim_cosim.commands.shared.options import expect_folder, nested
+from uuvsim_cosim.commands.shared.progress import StudyProgress
 from uuvsim_cosim.commands.shared.terminal import file_table, line, number, table
 from uuvsim_cosim.errors import InputInvalid
 

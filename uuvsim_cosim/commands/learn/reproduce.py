@@ -10,8 +10,8 @@ import typer
 from uuvsim_cosim.commands.learn.training_progress import TrainingProgress
 from uuvsim_cosim.commands.shared.answer import answer
 from uuvsim_cosim.commands.shared.completion import of
-from uuvsim_cosim.commands.shared.ray_option import RAY, clustered
-from uuvsim_cosim.commands.shared.study_progress import StudyProgress
+from uuvsim_cosim.commands.shared.options import RAY, clustered
+from uuvsim_cosim.commands.shared.progress import StudyProgress
 from uuvsim_cosim.commands.shared.terminal import file_table, line, notice, table, tilde
 from uuvsim_cosim.commands.shared.termination import Termination
 from uuvsim_cosim.errors import InputInvalid

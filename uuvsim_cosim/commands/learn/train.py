@@ -13,10 +13,8 @@ import typer
 from uuvsim_cosim.cache import write_whole
 from uuvsim_cosim.commands.learn.training_progress import TrainingProgress
 from uuvsim_cosim.commands.shared.completion import of, tasks
-from uuvsim_cosim.commands.shared.nested_options import nested
-from uuvsim_cosim.commands.shared.out_option import folder_option
-from uuvsim_cosim.commands.shared.ray_option import RAY, clustered
-from uuvsim_cosim.commands.shared.study_progress import StudyProgress
+from uuvsim_cosim.commands.shared.options import RAY, clustered, folder_option, nested
+from uuvsim_cosim.commands.shared.progress import StudyProgress
 from uuvsim_cosim.commands.shared.terminal import (
     file_line,
     file_table,

@@ -10,9 +10,8 @@ import typer
 
 from uuvsim_cosim.commands.learn.evaluate import SEED, shown
 from uuvsim_cosim.commands.shared.completion import of, tasks
-from uuvsim_cosim.commands.shared.nested_options import nested
-from uuvsim_cosim.commands.shared.out_option import folder_option
-from uuvsim_cosim.commands.shared.study_progress import StudyProgress
+from uuvsim_cosim.commands.shared.options import folder_option, nested
+from uuvsim_cosim.commands.shared.progress import StudyProgress
 from uuvsim_cosim.commands.shared.terminal import file_table, line, number, table
 from uuvsim_cosim.errors import InputInvalid
 

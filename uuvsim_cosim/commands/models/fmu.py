@@ -10,9 +10,12 @@ import typer
 
 from uuvsim_cosim.commands.shared.answer import answer
 from uuvsim_cosim.commands.shared.completion import models, of, replacements, systems
-from uuvsim_cosim.commands.shared.fmu_options import fmi_version, platform_names
-from uuvsim_cosim.commands.shared.name_value_options import assignments
-from uuvsim_cosim.commands.shared.out_option import folder_option
+from uuvsim_cosim.commands.shared.options import (
+    assignments,
+    fmi_version,
+    folder_option,
+    platform_names,
+)
 from uuvsim_cosim.commands.shared.system_options import SET, edited_system
 from uuvsim_cosim.commands.shared.terminal import (
     console,

@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from uuvsim_cosim.commands.shared.out_option import folder_option
+from uuvsim_cosim.commands.shared.options import folder_option
 from uuvsim_cosim.commands.shared.terminal import file_line, line, number, remark, table, tilde
 from uuvsim_cosim.errors import InputInvalid
 

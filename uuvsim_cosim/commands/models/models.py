@@ -9,7 +9,7 @@ import typer
 
 from uuvsim_cosim.commands.models.import_vehicle import import_command
 from uuvsim_cosim.commands.shared.completion import models, of
-from uuvsim_cosim.commands.shared.out_option import folder_option
+from uuvsim_cosim.commands.shared.options import folder_option
 from uuvsim_cosim.commands.shared.terminal import (
     Shown,
     file_line,

@@ -3,15 +3,12 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
 from uuvsim_cosim.commands.shared.terminal import line, put, table, tilde
 from uuvsim_cosim.errors import InputInvalid
-
-if TYPE_CHECKING:
-    from uuvsim_cosim.orchestrator.recording.compare import Comparison
 
 __all__ = ["compare_command"]
 
@@ -35,22 +32,14 @@ def compare_command(
     from uuvsim_cosim.orchestrator.recording.compare import compare_signals
 
     found = compare_signals(a, b, tol)
-    _show(found, a, b, tol)
-    if not found.equal:
-        raise typer.Exit(1)
-
-
-def _show(found: Comparison, a: Path, b: Path, tol: float) -> None:
-    within = "exactly" if tol == 0 else f"within {tol:g}"
     put("equal", found.equal)
     put("tolerance", tol)
     put("rows", found.rows)
     put("signals", found.signals)
     put("mismatches", found.mismatches)
-    put("first", None)
+    put("first", vars(found.differences[0]) if found.differences else None)
     if found.differences:
         first = found.differences[0]
-        put("first", vars(first))
         line(
             f"{first.signal} differs first, at t = {first.time:.9g} s: "
             f"{_text(first.a)} in A, {_text(first.b)} in B"
@@ -72,11 +61,10 @@ def _show(found: Comparison, a: Path, b: Path, tol: float) -> None:
         if len(found.differences) > MOST:
             line(f"and {len(found.differences) - MOST} more elements of signals; --json lists all")
     put("differences", [vars(d) for d in found.differences])  # all, and as numbers
-    if found.equal:
-        line(
-            f"{tilde(a)} and {tilde(b)} agree {within}: {found.signals} signals at {found.rows} "
-            "times"
-        )
+    if not found.equal:
+        raise typer.Exit(1)
+    within = "exactly" if tol == 0 else f"within {tol:g}"
+    line(f"{tilde(a)} and {tilde(b)} agree {within}: {found.signals} signals at {found.rows} times")
 
 
 def _text(value: object) -> str:

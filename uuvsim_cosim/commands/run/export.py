@@ -24,7 +24,7 @@ def export_command(
         bool, typer.Option("--scene", help="With .mcap: the 3-D scene as well, for Foxglove.")
     ] = False,
 ) -> None:
-    """Convert a recording for other tools; the ending of the file's name says to what."""
+    """Convert a recording for other tools; the ending of the file's name decides the format."""
     kind = out.suffix.lower()
     if kind not in KINDS:
         raise InputInvalid(out, f"ending {out.suffix!r} was read", ", ".join(KINDS))

@@ -1,19 +1,23 @@
-"""`uuvsim map`: the map of the seabed of a run, or the points of it, as a file."""
+"""`uuvsim map`, and the map after `uuvsim run`: the seabed of a run, or its points, as a file."""
 
 from __future__ import annotations
 
 from contextlib import suppress
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from uuvsim_cosim.commands.run.summary import figure_table
 from uuvsim_cosim.commands.shared.completion import of
-from uuvsim_cosim.commands.shared.terminal import file_table, line, number
-from uuvsim_cosim.errors import InputInvalid
+from uuvsim_cosim.commands.shared.progress import RunProgress
+from uuvsim_cosim.commands.shared.terminal import file_table, line, notice, number
+from uuvsim_cosim.errors import InputInvalid, UuvsimError
 
-__all__ = ["map_command"]
+if TYPE_CHECKING:
+    from uuvsim_cosim.scene.mapping.mapping import SeabedMap
+
+__all__ = ["map_command", "mapped"]
 
 
 def map_command(
@@ -76,3 +80,28 @@ def map_command(
         what = "cells" if out.suffix.lower() in (".tif", ".tiff") else "points"
         line()
         file_table([out], **{what: number(n, ",")})
+
+
+def mapped(system: str, folder: Path, progress: RunProgress) -> SeabedMap | None:
+    """Make and save the map of a run whose system has settings of a survey; else return None.
+
+    If no map can be made, a notice on stderr gives the reason: the run itself succeeded.
+    """
+    from uuvsim_cosim.scene.mapping.survey import keep_settings, settings_of_system
+
+    settings = settings_of_system(system)
+    if settings is None:
+        return None
+    from uuvsim_cosim.scene.mapping.mapping import write_map
+    from uuvsim_cosim.scene.mapping.survey import survey_of
+
+    progress.say("mapping the seabed")
+    try:
+        keep_settings(settings, folder)
+        made = survey_of(folder).map()
+        write_map(made, folder)
+    except UuvsimError as error:
+        progress.close()
+        notice(f"no map was made: {error}")
+        return None
+    return made

@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from uuvsim_cosim.commands.shared.completion import systems
-from uuvsim_cosim.commands.shared.fmu_options import fmi_version, platform_names
+from uuvsim_cosim.commands.shared.options import fmi_version, platform_names
 from uuvsim_cosim.commands.shared.terminal import console, file_line
 from uuvsim_cosim.errors import InputInvalid
 

@@ -8,18 +8,18 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from uuvsim_cosim.commands.run.live_view import Watched
+from uuvsim_cosim.commands.run.map import mapped
 from uuvsim_cosim.commands.run.summary import show_run, summary
-from uuvsim_cosim.commands.run.survey_map import mapped
+from uuvsim_cosim.commands.run.view import Watched
 from uuvsim_cosim.commands.shared.completion import components, of, replacements, systems
-from uuvsim_cosim.commands.shared.name_value_options import (
+from uuvsim_cosim.commands.shared.options import (
     assignments,
+    expect_folder,
     rates,
     seconds,
     step_text,
 )
-from uuvsim_cosim.commands.shared.out_option import expect_folder
-from uuvsim_cosim.commands.shared.run_progress import RunProgress
+from uuvsim_cosim.commands.shared.progress import RunProgress
 from uuvsim_cosim.commands.shared.system_options import MAP, SET, edited_system
 from uuvsim_cosim.commands.shared.terminal import file_line, line, notice, put, remark, tilde
 from uuvsim_cosim.errors import ComponentFailed, InputInvalid, LoopNotConverged
@@ -27,8 +27,6 @@ from uuvsim_cosim.fmus.isolation.isolated import check_watchdog
 
 if TYPE_CHECKING:
     from uuvsim_cosim.fmus.tracing.trace import Trace
-    from uuvsim_cosim.orchestrator.master.real_time import Pace
-    from uuvsim_cosim.orchestrator.system.system import System
 
 __all__ = ["run_command"]
 
@@ -140,7 +138,8 @@ def run_command(
 
     With an .fmu, simulate that one FMU and write its outputs as CSV.
     """
-    values = assignments("--set", set_ or [], SET, dotted=not _is_fmu(system))
+    is_fmu = Path(system).suffix.lower() == ".fmu"
+    values = assignments("--set", set_ or [], SET, dotted=not is_fmu)
     if until is not None and not (0 < until < float("inf")):
         raise InputInvalid(f"--until {until:g}: expected more than 0 seconds")
     if start is not None and not math.isfinite(start):
@@ -148,7 +147,7 @@ def run_command(
     if record_every < 1:
         raise InputInvalid(f"--record-every {record_every}: expected 1 or more")
     check_watchdog(watchdog, "--watchdog")
-    if _is_fmu(system):
+    if is_fmu:
         refused = {
             "--waypoints": waypoints, "--origin": origin, "--replace": replace, "--map": map_,
             "--rate": rate,
@@ -184,52 +183,27 @@ def run_command(
     if out is not None:
         expect_folder(out)
     edited = edited_system(system, waypoints, changes, loops, origin)
-    _run_system(
-        edited, changes, name=system, until=until, start_time=start, out=out, seed=seed,
-        native=native,
-        record_every=record_every, report=not no_report, show=open_,
-        pace=_pace(real_time, overruns), isolate=isolate or [], watchdog=watchdog,
-        scenario=scenario, trace_fmi=trace_fmi, watched=Watched(edited.name, port, view),
-        inputs=input_ or [],
-    )  # fmt: skip
-
-
-def _pace(factor: float | None, overruns: str) -> Pace | None:
+    if real_time is None and overruns != "catch-up":
+        raise InputInvalid(f"--overruns {overruns}: expected --real-time FACTOR with it")
     from uuvsim_cosim.orchestrator.master.real_time import Pace
-
-    if factor is None:
-        if overruns != "catch-up":
-            raise InputInvalid(f"--overruns {overruns}: expected --real-time FACTOR with it")
-        return None
-    return Pace(factor, overruns)  # type: ignore[arg-type]
-
-
-def _is_fmu(system: str) -> bool:
-    return Path(system).suffix.lower() == ".fmu"
-
-
-def _run_system(
-    system: System, changes: dict[str, dict[str, str]], *, name: str, until: float | None,
-    start_time: float | None, out: Path | None, seed: int, native: bool, record_every: int,
-    report: bool, show: bool, pace: Pace | None, isolate: list[str], watchdog: float,
-    scenario: Path | None, trace_fmi: Path | None, watched: Watched, inputs: list[str],
-) -> None:  # fmt: skip
     from uuvsim_cosim.orchestrator.running.run import Interrupted, run
     from uuvsim_cosim.view.reports.write_run_report import write_metrics, write_report
 
+    pace = None if real_time is None else Pace(real_time, overruns)  # type: ignore[arg-type]
     about = {
-        "source": Path(name).name,
+        "source": Path(system).name,
         "changes": {kind: given for kind, given in changes.items() if given},
     }
     report_file: Path | None = None
+    watched = Watched(edited.name, port, view)
     with watched, RunProgress() as progress:
         try:
             done = run(
-                system, until=until, start_time=start_time, out=out, seed=seed,
+                edited, until=until, start_time=start, out=out, seed=seed,
                 backend="native" if native else "fmu",
                 record_every=record_every, progress=progress, about=about, real_time=pace,
-                isolate=isolate, watchdog=watchdog, scenario=scenario, trace_fmi=trace_fmi,
-                observers=watched.observers, inputs=inputs,
+                isolate=isolate or [], watchdog=watchdog, scenario=scenario, trace_fmi=trace_fmi,
+                observers=watched.observers, inputs=input_ or [],
             )  # fmt: skip
         except Interrupted as interrupted:
             done = interrupted.run
@@ -238,14 +212,14 @@ def _run_system(
             if error.recording is not None:
                 notice(f"the recording up to then is in {tilde(error.recording)}")
             raise
-        surveyed = None if done.interrupted else mapped(name, done.folder, progress)
+        surveyed = None if done.interrupted else mapped(system, done.folder, progress)
         figures, warnings = summary(done, surveyed)
         write_metrics(done.folder, figures)
-        if report:
+        if not no_report:
             progress.say("writing the report")
             report_file = write_report(done.folder)
     show_run(done, report_file, figures, warnings)
-    if show and report_file is not None:
+    if open_ and report_file is not None:
         typer.launch(str(report_file))
     if done.interrupted:
         notice(f"{done.interrupted}; the recording is complete up to then")
@@ -271,7 +245,12 @@ def _run_fmu(
         raise InputInvalid(f"--out {target}: ending {target.suffix!r} was read", ".csv")
     if not target.absolute().parent.is_dir():
         raise InputInvalid(target, "its folder does not exist", "a file in a folder")
-    chosen = None if interface is None else _interface(interface)
+    known = {"cs": "CoSimulation", "me": "ModelExchange"}
+    named = {word.lower(): name for short, name in known.items() for word in (short, name)}
+    if interface is not None and interface.lower() not in named:
+        expected = "CoSimulation (cs) or ModelExchange (me)"
+        raise InputInvalid(f"--interface {interface}: expected {expected}")
+    chosen = None if interface is None else named[interface.lower()]
     traced: AbstractContextManager[Trace | None] = nullcontext()
     if trace_fmi is not None:
         from uuvsim_cosim.fmus.tracing.trace import Trace
@@ -299,11 +278,3 @@ def _run_fmu(
     for note in done.notes:
         remark("note", note)
     file_line(target)
-
-
-def _interface(text: str) -> str:
-    known = {"cs": "CoSimulation", "me": "ModelExchange"}
-    for short, name in known.items():
-        if text.lower() in (short, name.lower()):
-            return name
-    raise InputInvalid(f"--interface {text}: expected CoSimulation (cs) or ModelExchange (me)")

@@ -59,16 +59,16 @@ def show(
         return
     line(f"{system.name}: {' '.join(system.description.split())}")
     line()
-    table(
-        ("component", "kind", "step [s]", "inputs", "outputs", "what it is"),
-        [
-            (c.path, _kind(c.source), number(float(c.step_ticks * found.tick), "g"),
-             len(c.description.of("input")), len(c.description.of("output")),
-             c.description.description)
-            for c in found.components
-        ],
-        key="components",
-    )  # fmt: skip
+    rows = []
+    for c in found.components:
+        is_model = c.source.startswith("model:")
+        source = c.source.removeprefix("model:") if is_model else Path(c.source).name
+        step = number(float(c.step_ticks * found.tick), "g")
+        of = c.description.of
+        rows.append((c.path, source, step, len(of("input")), len(of("output")),
+                     c.description.description))  # fmt: skip
+    head = ("component", "kind", "step [s]", "inputs", "outputs", "what it is")
+    table(head, rows, key="components")
     line()
     for loop in loop_lines(loop_delays(found), most=12):
         line(f"loop {loop}")
@@ -84,12 +84,6 @@ def show(
     target = out or Path(f"{system.name}.svg")
     written(target, diagram(system))
     file_line(target)
-
-
-def _kind(source: str) -> str:
-    if source.startswith("model:"):
-        return source.removeprefix("model:")
-    return Path(source).name
 
 
 @app.command("slot")

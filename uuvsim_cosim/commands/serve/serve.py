@@ -15,8 +15,7 @@ import typer
 
 from uuvsim_cosim.commands.shared.answer import answer
 from uuvsim_cosim.commands.shared.completion import of, replacements, systems
-from uuvsim_cosim.commands.shared.name_value_options import assignments, rates, seconds
-from uuvsim_cosim.commands.shared.out_option import folder_option
+from uuvsim_cosim.commands.shared.options import assignments, folder_option, rates, seconds
 from uuvsim_cosim.commands.shared.system_options import MAP, SET, edited_system
 from uuvsim_cosim.commands.shared.terminal import line, notice, put, tilde
 from uuvsim_cosim.errors import InputInvalid

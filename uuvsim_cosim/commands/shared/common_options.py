@@ -7,10 +7,144 @@ from typing import Annotated, Any
 
 import typer
 
-from uuvsim_cosim.commands.shared.examples import EXAMPLES
-from uuvsim_cosim.commands.shared.option_groups import OUTPUT, group
+__all__ = ["EXAMPLES", "GROUPS", "complete", "path_of", "walk"]
 
-__all__ = ["complete", "path_of", "walk"]
+
+OUTPUT = "Output"
+_SYSTEM, _TIME, _INPUTS, _CONNECTIONS = "System", "Time", "Inputs", "Connections"
+_TASK, _LENGTH = "Task and policy", "Length and evaluation"
+_FMU = {
+    _SYSTEM: ("--replace", "--set"),
+    "FMU": ("--fmi", "--platform", "--signals", "--inputs", "--names"),
+    OUTPUT: ("--out",),
+}
+
+# Groups of options in the `--help` of commands that have many.
+GROUPS: dict[str, dict[str, tuple[str, ...]]] = {
+    "run": {
+        _SYSTEM: ("--set", "--replace", "--map", "--loops", "--native", "--isolate", "--watchdog"),
+        _TIME: ("--until", "--start", "--rate", "--real-time", "--overruns"),
+        _INPUTS: ("--input", "--waypoints", "--origin", "--scenario", "--seed"),
+        OUTPUT: ("--out", "--record-every", "--no-report", "--open", "--view", "--port",
+                 "--trace-fmi"),
+        "One FMU": ("--step", "--interface"),
+    },
+    "serve": {
+        _SYSTEM: ("--set", "--replace", "--map", "--loops", "--fmu", "--seed"),
+        _TIME: ("--real-time", "--paused", "--until", "--rate", "--fail-safe"),
+        _CONNECTIONS: ("--host", "--port", "--tcp-port", "--http-port"),
+        "Access": ("--access", "--anyone", "--no-code"),
+        OUTPUT: ("--out", "--no-record"),
+    },
+    "terrain": {
+        "Area": ("--around", "--size", "--resolution"),
+        "Reading": ("--datum", "--unit", "--positive", "--crs", "--local"),
+        "Surface": ("--land", "--relief", "--fill"),
+        OUTPUT: ("--out",),
+    },
+    "identify": {
+        _SYSTEM: ("--system", "--replace", "--set", "--hull"),
+        "Recording": ("--map", "--from", "--to", "--step"),
+        "Fit": ("--parameters", "--no-proposals"),
+        OUTPUT: ("--save-as", "--manoeuvre"),
+    },
+    "train": {
+        _TASK: ("--task-set", "--curriculum", "--profile"),
+        "Algorithm": ("--algo", "--set", "--config", "--seed", "--seeds"),
+        _LENGTH: ("--envs", "--steps", "--evaluate-every", "--evaluation-episodes", "--ray"),
+        OUTPUT: ("--out", "--restart", "--no-report", "--open"),
+    },
+    "collect": {
+        _TASK: ("--policy", "--task-set", "--episodes", "--seed", "--ray"),
+        "Recorded runs": ("--recorded", "--signal"),
+        OUTPUT: ("--out", "--overwrite"),
+    },
+    "play": {
+        _TASK: ("--policy", "--task-set", "--other-task", "--seed"),
+        OUTPUT: ("--out", "--window", "--open", "--view", "--port"),
+    },
+    "fmu system": _FMU,
+    "fmu client": {**_FMU, _CONNECTIONS: ("--host", "--port")},
+}  # fmt: skip
+
+# Examples in the `--help` of each command: command lines without the first `uuvsim`.
+EXAMPLES: dict[str, tuple[str, ...]] = {
+    "": (
+        "run bluerov2_survey",
+        "view runs/bluerov2_survey-0",
+        "run bluerov2_survey --replace controller=my_controller.fmu --out mine",
+        "compare runs/bluerov2_survey-0 mine --tol 1e-6",
+        "doctor",
+    ),
+    "run": (
+        "run bluerov2_survey --until '2 min'",
+        "run bluerov2_survey --replace controller=my_controller.fmu --set controller.gain=2",
+        "run bluerov2_survey --waypoints plan.csv --seed 7 --json",
+        "run bluerov2_hold --input currents.csv",
+        "run bluerov2_hold --input +controller.tau_d[1]:prbs,amplitude=5,hold=0.5,at=10,until=60",
+        "run my_controller.fmu --input inputs.csv --until 10 -o outputs.csv",
+    ),
+    "compare": (
+        "compare runs/bluerov2_survey-0 runs/bluerov2_survey-0-2",
+        "compare before.parquet after.parquet --tol 1e-9 --json",
+    ),
+    "serve": (
+        "serve bluerov2_hold",
+        "serve bluerov2_hold --paused --no-record",
+        "serve runs/bluerov2_survey-0",
+    ),
+    "view": ("view", "view runs/bluerov2_survey-0 --port 8090"),
+    "export": (
+        "export runs/bluerov2_survey-0 -o run.csv",
+        "export runs/bluerov2_survey-0 -o run.mcap --scene",
+    ),
+    "report": ("report runs/bluerov2_survey-0", "report runs/bluerov2_survey-0 -o run.svg"),
+    "map": ("map runs/seabed_mapping-0 -o map.tif", "map runs/seabed_mapping-0 -o points.laz"),
+    "terrain": (
+        "terrain chart.000 --resolution 10 -o seabed.tif",
+        "terrain survey.tif --around 47.27,-122.55 --size 3x5 -o my_scene",
+    ),
+    "study": ("study docs/examples/hold_in_current.yaml", "study study.yaml --jobs 4 -o results"),
+    "identify": ("identify dive.csv --system model:my_rov --parameters D_q_11,M_A_11",),
+    "systems": ("systems", "systems show bluerov2_survey -o survey.svg"),
+    "systems show": (
+        "systems show bluerov2_survey -o survey.svg",
+        "systems show bluerov2_hold --plan",
+    ),
+    "systems slot": ("systems slot bluerov2_survey controller",),
+    "models": ("models", "models show remus100"),
+    "models show": ("models show remus100", "models show imu@stim300"),
+    "models check": (
+        "models check",
+        "models check remus100 --source prestero",
+        "models check bluerov2_heavy@wu_2018 --against trajectory.csv --tolerance 1e-6",
+    ),
+    "models new": ("models new my_rov --shape box",),
+    "models import": ("models import hull.stl --mass 11.5 -o my_rov",),
+    "fmu": ("fmu build thruster --fmi 2", "fmu check my_controller.fmu"),
+    "fmu build": ("fmu build thruster --fmi 2 --platform linux64,win64 -o out",),
+    "fmu inspect": ("fmu inspect my_controller.fmu", "fmu inspect my_controller.fmu --json"),
+    "fmu check": ("fmu check my_controller.fmu",),
+    "fmu system": ("fmu system bluerov2_hold -o .",),
+    "fmu client": ("fmu client bluerov2_hold -o .",),
+    "pack": ("pack bluerov2_survey -o survey.ssp",),
+    "new": ("new controller", "new controller --as c"),
+    "envs": ("envs",),
+    "train": ("train source --algo sac --seed 1", "train source --algo sac --seeds 8"),
+    "train-offline": ("train-offline s.npz --algo dt -o dt",),
+    "collect": ("collect transition_1 --policy scripted --episodes 400 -o s.npz",),
+    "evaluate": ("evaluate source_sac runs/train/source-sac-3 -o figures.csv",),
+    "play": ("play --policy runs/train/source-sac-3", "play transition_1 -o episode.html"),
+    "export-policy": ("export-policy models/policies/source_sac.npz -o policy.fmu",),
+    "reproduce": ("reproduce fig7 --no-run",),
+    "access": ("access check access.yaml",),
+    "access password": ("access password",),
+    "access token": ("access token", "access token --port 7449"),
+    "access certificates": ("access certificates pki --host 192.168.2.1 --client rov-1",),
+    "access check": ("access check access.yaml",),
+    "matlab": ("matlab",),
+    "doctor": ("doctor", "doctor --json"),
+}
 
 
 def complete(command: Any) -> Any:
@@ -39,11 +173,16 @@ def complete(command: Any) -> Any:
 
     shared = typer.main.get_command(app).params[:2]
     for path, each in walk(command):
-        group(path, each)
+        if path in GROUPS:
+            place = {option: name for name, options in GROUPS[path].items() for option in options}
+            order = list(place)
+            for parameter in each.params:
+                if (name := place.get(parameter.opts[0])) is not None:
+                    parameter.rich_help_panel = name
+            each.params.sort(key=lambda p: order.index(p.opts[0]) if p.opts[0] in place else -1)
         each.params.extend(shared)
-        examples = EXAMPLES.get(path, ())
-        if examples:
-            each.epilog = "\n\n".join(("Examples:", *(f"uuvsim {text}" for text in examples)))
+        if path in EXAMPLES:
+            each.epilog = "\n\n".join(("Examples:", *(f"uuvsim {x}" for x in EXAMPLES[path])))
     return command
 
 

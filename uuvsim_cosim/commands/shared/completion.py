@@ -76,10 +76,9 @@ def _model_names(incomplete: str) -> list[str]:
 
 
 def _system_or_model_names(incomplete: str) -> list[str]:
-    kind = "model:"
-    if not incomplete.startswith(kind):
-        return [*_system_names(incomplete), kind]
-    return [kind + name for name in _model_names(incomplete.removeprefix(kind))]
+    if not incomplete.startswith("model:"):
+        return [*_system_names(incomplete), "model:"]
+    return [f"model:{name}" for name in _model_names(incomplete.removeprefix("model:"))]
 
 
 def _task_names(_: str) -> list[str]:
@@ -96,7 +95,7 @@ policies = offered(lambda _: ("scripted", "random"), ".npz")
 
 
 def components(context: typer.Context, incomplete: str) -> list[str]:
-    """Return the components of the system that stands before on the command line."""
+    """Return the components of the system that the command line names before."""
     from uuvsim_cosim.orchestrator.running.library import load
 
     given = context.params
@@ -111,9 +110,9 @@ def replacements(context: typer.Context, incomplete: str) -> list[str]:
     """Return `component=source` for the components of the system."""
     component, equals, source = incomplete.partition("=")
     if not equals:
-        found = components(context, incomplete)
         # Two of each: the shell then writes what they share, and puts no space behind "=".
-        return [f"{c}={kind}" for c in found for kind in ("model:", "policy:")]
+        found = components(context, incomplete)
+        return [f"{c}={prefix}" for c in found for prefix in ("model:", "policy:")]
     if source.startswith("model:"):
         return [
             f"{component}=model:{name}" for name in models(source[6:]) if not name.endswith(os.sep)

@@ -6,7 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from uuvsim_cosim.commands.shared.name_value_options import by_component, value_of
+from uuvsim_cosim.commands.shared.options import by_component, value_of
 from uuvsim_cosim.errors import InputInvalid
 
 if TYPE_CHECKING:
@@ -55,22 +55,16 @@ def edited_system(
             system = system.replace(component, kept, rate=step)
     for path, text in changes["set"].items():
         system = system.set(path, value_of(text))
-        _check_effect(system, path)
+        for wire in system.checked.wires:
+            if path.partition("[")[0] == f"{wire.target.element}.{wire.target.variable.name}":
+                raise InputInvalid(  # the connection would overwrite it at once
+                    f"--set {path}: is fed by {wire.connection.source}",
+                    "a parameter, or an input that nothing is connected to",
+                )
     if flown is None:
         return system
     system = with_waypoints(system, flown.points)
     return replace(system, remarks=(*system.remarks, *flown.notes))
-
-
-def _check_effect(system: System, path: str) -> None:
-    """Refuse a value for an input that a connection overwrites at once."""
-    for wire in system.checked.wires:
-        fed = f"{wire.target.element}.{wire.target.variable.name}"
-        if path.partition("[")[0] == fed:
-            raise InputInvalid(
-                f"--set {path}: is fed by {wire.connection.source}",
-                "a parameter, or an input that nothing is connected to",
-            )
 
 
 def _from_here(source: str) -> str:

@@ -123,7 +123,8 @@ def table(head: Sequence[str], rows: Iterable[Sequence[object]], *, key: str = "
     shown = [[str(cell) for cell in row] for row in rows]
     grid = Table(box=None, show_header=any(head), header_style="dim", padding=(0, 2, 0, 0))
     for number, name in enumerate(head):
-        numeric = bool(shown) and all(_numeric(row[number]) for row in shown)
+        cells = [row[number] for row in shown]
+        numeric = bool(shown) and all(c[:1].isdigit() or c[:1] in "-+." for c in cells)
         grid.add_column(escape(name), justify="right" if numeric else "left", overflow="fold")
     for row in shown:
         grid.add_row(*(escape(cell) for cell in row))
@@ -132,10 +133,6 @@ def table(head: Sequence[str], rows: Iterable[Sequence[object]], *, key: str = "
         target.print(grid)
     for text in drawn.get().splitlines():
         target.out(text.rstrip(), highlight=False)
-
-
-def _numeric(text: str) -> bool:
-    return text[:1].isdigit() or text[:1] in "-+." or not text
 
 
 def tilde(path: str | Path) -> str:

@@ -5,14 +5,16 @@ from __future__ import annotations
 import signal
 import threading
 from collections.abc import Callable
-from types import FrameType, TracebackType
+from types import FrameType
 from typing import Self, final
+
+from uuvsim_cosim.closing import Closing
 
 __all__ = ["Termination"]
 
 
 @final
-class Termination:
+class Termination(Closing):
     """While it is entered, SIGTERM raises KeyboardInterrupt; a second one ends the process.
 
     `status` is the exit status of an interrupted command: 130, or 143 after SIGTERM.
@@ -27,12 +29,7 @@ class Termination:
             self._before = signal.signal(signal.SIGTERM, self._end)
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def close(self) -> None:
         """Restore the handler of before."""
         if self._before is not None:
             signal.signal(signal.SIGTERM, self._before)

@@ -11,7 +11,7 @@ import typer
 from uuvsim_cosim.cache import written
 from uuvsim_cosim.commands.shared.answer import answer
 from uuvsim_cosim.commands.shared.completion import replacements, systems_and_models
-from uuvsim_cosim.commands.shared.name_value_options import assignments, seconds, value_of
+from uuvsim_cosim.commands.shared.options import assignments, seconds, value_of
 from uuvsim_cosim.commands.shared.terminal import (
     file_line,
     line,

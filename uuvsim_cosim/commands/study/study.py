@@ -8,9 +8,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from uuvsim_cosim.commands.shared.completion import of
-from uuvsim_cosim.commands.shared.out_option import folder_option
-from uuvsim_cosim.commands.shared.ray_option import RAY, clustered
-from uuvsim_cosim.commands.shared.study_progress import StudyProgress
+from uuvsim_cosim.commands.shared.options import RAY, clustered, folder_option
+from uuvsim_cosim.commands.shared.progress import StudyProgress
 from uuvsim_cosim.commands.shared.terminal import (
     file_table,
     line,

@@ -8,18 +8,17 @@ import io
 import itertools
 import pickle
 import warnings
-from collections.abc import Iterator
 from typing import Any
 
-import gymnasium
 import numpy as np
 
-from uuvsim_cosim.envs.conformance.report import NotApplicable, Violation
 from uuvsim_cosim.envs.conformance.subject import (
     Actions,
     Environment,
+    NotApplicable,
     Subject,
     Transition,
+    Violation,
     difference,
     refuse_unless,
     same,
@@ -51,12 +50,21 @@ def interface(subject: Subject) -> str:
     advice = 0
     with warnings.catch_warnings():  # of the checkers' own imports
         warnings.simplefilter("ignore")
-        import pettingzoo.test  # noqa: F401
+        from gymnasium.utils.env_checker import check_env
+        from pettingzoo.test import parallel_api_test, parallel_seed_test
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         with contextlib.redirect_stdout(io.StringIO()):
             try:
-                name = _single_checks(subject) if subject.kind == "single" else _team(subject)
+                if subject.kind == "single":
+                    name = "gymnasium.utils.env_checker.check_env"
+                    with subject.opened(subject.bare) as env:
+                        check_env(env, skip_render_check=True)
+                else:
+                    name = "pettingzoo.test.parallel_api_test and parallel_seed_test"
+                    with subject.opened() as env:
+                        parallel_api_test(env, num_cycles=subject.steps)
+                    parallel_seed_test(subject.make, num_cycles=subject.steps)
             except Exception as error:
                 raise Violation(f"{type(error).__name__}: {short(error)}") from error
     for w in caught:
@@ -65,23 +73,6 @@ def interface(subject: Subject) -> str:
         else:
             raise Violation(f"a warning: {short(w.message)}")
     return f"{name}: no warning" + (f" ({advice} times advice)" if advice else "")
-
-
-def _single_checks(subject: Subject) -> str:
-    from gymnasium.utils.env_checker import check_env
-
-    with subject.opened(subject.bare) as env:
-        check_env(env, skip_render_check=True)
-    return "gymnasium.utils.env_checker.check_env"
-
-
-def _team(subject: Subject) -> str:
-    from pettingzoo.test import parallel_api_test, parallel_seed_test
-
-    with subject.opened() as env:
-        parallel_api_test(env, num_cycles=subject.steps)
-    parallel_seed_test(subject.make, num_cycles=subject.steps)
-    return "pettingzoo.test.parallel_api_test and parallel_seed_test"
 
 
 def same_seed_same_trajectory(subject: Subject) -> str:
@@ -131,7 +122,7 @@ def another_episode_without_seed(subject: Subject) -> str:
             raise NotApplicable("nothing is drawn: episodes of two seeds are the same")
         raise Violation(
             "reset() after reset(seed) gives the same episode again; "
-            "expected another one, from the generator as it stands"
+            "expected another one, from the next state of the generator"
         )
     return "reset() after reset(seed) gives another episode"
 
@@ -174,8 +165,20 @@ def observations_in_space(subject: Subject) -> str:
     count = 0
     with subject.opened() as env:
         for t in subject.walk(env, subject.seed):
-            for name, space, value in _observed(subject, env, t.observation):
+            observed: Any = t.observation
+            spaces = {"observation": env.observation_space}
+            if subject.kind == "parallel":
+                spaces = {
+                    f"{a}'s observation": env.observation_space(a)
+                    for a in observed
+                    if a in env.possible_agents
+                }
+                observed = {f"{a}'s observation": value for a, value in observed.items()}
+            else:
+                observed = {"observation": observed}
+            for name, space in spaces.items():
                 count += 1
+                value = observed[name]
                 if not space.contains(value):
                     seen = short(value)
                     if isinstance(value, np.ndarray):
@@ -266,15 +269,3 @@ def _beginning(
     """Return the first observations of an episode; the same number, whenever it ends."""
     walk = subject.walk(env, seed, options=options)
     return list(itertools.islice(walk, 1 + min(subject.steps, 8)))
-
-
-def _observed(
-    subject: Subject, env: Environment, observation: Any
-) -> Iterator[tuple[str, gymnasium.Space[Any], object]]:
-    """Yield each observation with its name in a message and its space."""
-    if subject.kind != "parallel":
-        yield "observation", env.observation_space, observation
-        return
-    for agent, value in observation.items():
-        if agent in env.possible_agents:
-            yield f"{agent}'s observation", env.observation_space(agent), value

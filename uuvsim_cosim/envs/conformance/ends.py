@@ -7,10 +7,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from uuvsim_cosim.envs.conformance.report import NotApplicable, Violation
 from uuvsim_cosim.envs.conformance.subject import (
     Actions,
+    NotApplicable,
     Subject,
+    Violation,
     finite,
     refuse_unless,
     seconds,
@@ -37,10 +38,19 @@ def time_limit_is_truncation(subject: Subject) -> str:
         raise NotApplicable(f"the limit of {limit} steps is too far away; give time_limit=")
     patience = limit + 1 if limit is not None else max(8 * subject.steps, 512)
     ends = [_end(subject, k, patience) for k in range(EPISODES)]
+    known = [e for e in ends if e is not None]
     if limit is None:
-        return _without_limit(ends, patience)
+        if any(e.truncated for e in known):
+            return "episodes that do not end by themselves are truncated"
+        lengths = {e.steps for e in known}
+        if len(known) == len(ends) and len(lengths) == 1 and lengths != {1}:
+            raise Violation(
+                f"all of {EPISODES} episodes, whatever the actions, terminated after exactly "
+                f"{lengths.pop()} steps; a time limit is truncated=True"
+            )
+        raise NotApplicable(f"no time limit is known, nor was one seen in {patience} steps")
     refuse_unless(None not in ends, f"an episode went on after its limit of {limit} steps")
-    at_limit = [e for e in ends if e is not None and e.steps == limit]
+    at_limit = [e for e in known if e.steps == limit]
     if not at_limit:
         raise NotApplicable(f"no episode of {EPISODES} lasted until the limit of {limit} steps")
     refuse_unless(
@@ -49,19 +59,6 @@ def time_limit_is_truncation(subject: Subject) -> str:
         f"truncated=False; expected truncated=True",
     )
     return f"{len(at_limit)} of {EPISODES} episodes lasted {limit} steps and were truncated"
-
-
-def _without_limit(ends: list[_End | None], patience: int) -> str:
-    known = [e for e in ends if e is not None]
-    if any(e.truncated for e in known):
-        return "episodes that do not end by themselves are truncated"
-    lengths = {e.steps for e in known}
-    if len(known) == len(ends) and len(lengths) == 1 and lengths != {1}:
-        raise Violation(
-            f"all of {EPISODES} episodes, whatever the actions, terminated after exactly "
-            f"{lengths.pop()} steps; a time limit is truncated=True"
-        )
-    raise NotApplicable(f"no time limit is known, nor was one seen in {patience} steps")
 
 
 def _end(subject: Subject, k: int, patience: int) -> _End | None:
@@ -121,26 +118,25 @@ def failure_is_termination(subject: Subject) -> str:
 def exact_substeps(subject: Subject) -> str:
     """Every action lasts the same time, exactly: time is counted, not summed."""
     if subject.kind == "vector":
-        raise NotApplicable("told of the single environment")
+        raise NotApplicable("checked for the single environment")
     with subject.opened() as env:
         actions = Actions(subject.kind, env, subject.seed)
         observation, info = env.reset(seed=subject.seed)
         start = seconds(subject, env, _one(subject, info))
-        expected = None if subject.action_step is None else subject.action_step
+        each = subject.action_step
         for k in range(1, subject.steps + 1):
             step = env.step(actions.sample(env, observation))
             observation = step[0]
             if subject.kind == "parallel" and not step[4]:
                 break
             now = seconds(subject, env, _one(subject, step[4]))
-            one = float(expected) if expected is not None else (now - start) / k
-            if k == 1 and expected is None:
-                first = one
-            right = start + (float(k * expected) if expected is not None else k * first)
+            if k == 1:
+                first = now - start if each is None else float(each)
+            right = start + (k * first if each is None else float(k * each))
             refuse_unless(
                 math.isclose(now, right, rel_tol=1e-9, abs_tol=1e-9),
                 f"after {k} actions the time is {now} s; expected {right} s, each action lasting "
-                f"{float(expected) if expected is not None else first} s",
+                f"{first} s",
             )
             if subject.over(env, step):
                 break

@@ -13,14 +13,21 @@ import gymnasium
 import numpy as np
 from gymnasium.vector import AutoresetMode
 
-from uuvsim_cosim.envs.conformance.report import NotApplicable, Violation
-
 __all__ = [
-    "Actions", "Environment", "Kind", "Subject", "Transition", "difference", "same", "seconds",
+    "Actions", "Environment", "Kind", "NotApplicable", "Subject", "Transition", "Violation",
+    "difference", "same", "seconds",
 ]  # fmt: skip
 
 Kind = Literal["single", "vector", "parallel"]
 Step = tuple[Any, Any, Any, Any, Any]  # observation, reward, terminated, truncated, info
+
+
+class Violation(Exception):
+    """A claim that does not hold; the message has what was seen and what was expected."""
+
+
+class NotApplicable(Exception):
+    """A claim that cannot be checked for this environment; the message has the reason."""
 
 
 class Environment(Protocol):
@@ -47,7 +54,7 @@ class Environment(Protocol):
         """Free everything."""
 
 
-Make = Callable[[], Any]  # of an Environment: gymnasium's and pettingzoo's types do not say so
+Make = Callable[[], Any]  # of an Environment: gymnasium's and pettingzoo's types differ from it
 
 
 class Transition(NamedTuple):

@@ -8,25 +8,68 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Literal
 
 from uuvsim_cosim.envs.conformance import claims as general
 from uuvsim_cosim.envs.conformance import ends
 from uuvsim_cosim.envs.conformance import vector as vectors
-from uuvsim_cosim.envs.conformance.report import (
-    ConformanceFailed,
-    NotApplicable,
-    Outcome,
-    Report,
-    Violation,
-)
-from uuvsim_cosim.envs.conformance.subject import Kind, Subject
+from uuvsim_cosim.envs.conformance.subject import Kind, NotApplicable, Subject, Violation
 from uuvsim_cosim.envs.conformance.subjects import subjects_of
-from uuvsim_cosim.errors import InputInvalid
+from uuvsim_cosim.errors import InputInvalid, UuvsimError
 
 __all__ = ["CLAIMS", "Claim", "ConformanceFailed", "Outcome", "Report", "cases", "check", "examine"]
 
 ALL: tuple[Kind, ...] = ("single", "vector", "parallel")
+Verdict = Literal["holds", "fails", "not applicable"]
+MARKS: dict[Verdict, str] = {"holds": "✓", "fails": "✗", "not applicable": "–"}
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """The outcome of one claim."""
+
+    claim: str
+    kind: str  # of environment: single, vector, parallel
+    verdict: Verdict
+    sentence: str
+
+    def __str__(self) -> str:
+        """Return one line."""
+        return f"{MARKS[self.verdict]} {self.kind:8} {self.claim}: {self.sentence}"
+
+
+@dataclass(frozen=True)
+class Report:
+    """The outcomes of all claims, in the order in which they were checked."""
+
+    name: str
+    outcomes: tuple[Outcome, ...]
+
+    @property
+    def failures(self) -> tuple[Outcome, ...]:
+        """The claims that do not hold."""
+        return self.of("fails")
+
+    def of(self, verdict: Verdict) -> tuple[Outcome, ...]:
+        """Return the outcomes of one verdict."""
+        return tuple(o for o in self.outcomes if o.verdict == verdict)
+
+    def __str__(self) -> str:
+        """Return one line for each claim, then the count."""
+        held, failed, rest = (len(self.of(v)) for v in MARKS)
+        count = f"{self.name}: {held} hold, {failed} fail, {rest} not applicable"
+        return "\n".join([*map(str, self.outcomes), count])
+
+
+class ConformanceFailed(UuvsimError):
+    """An environment that does not keep what its interface promises; lists every failure."""
+
+    exit_status = 1
+
+    def __init__(self, report: Report) -> None:
+        self.report = report
+        lines = "\n  ".join(str(o) for o in report.failures)
+        super().__init__(f"{report.name}: {len(report.failures)} claims fail:\n  {lines}")
 
 
 @dataclass(frozen=True)
@@ -51,7 +94,7 @@ class Claim:
         """Return whether the claim holds."""
         broken = [n for n in self.needs if n in failed]
         if broken:
-            sentence = f"cannot be told while {broken[0]} fails"
+            sentence = f"cannot be checked while {broken[0]} fails"
             return Outcome(self.name, subject.kind, "not applicable", sentence)
         try:
             return Outcome(self.name, subject.kind, "holds", self.function(subject))
@@ -163,7 +206,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
     parser = argparse.ArgumentParser(
         prog="python -m uuvsim_cosim.envs.conformance",
-        description="Say which promises of its interface an environment keeps.",
+        description="Check which promises of its interface an environment keeps.",
     )
     parser.add_argument("env", nargs="*", help='an id of Gymnasium, or "module:function"')
     parser.add_argument("--steps", type=int, default=64, help="steps of a walk")

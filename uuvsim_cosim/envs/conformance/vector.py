@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
+from contextlib import ExitStack
 from typing import Any, NamedTuple
 
 import numpy as np
 from gymnasium.vector import AutoresetMode
 from gymnasium.vector.utils import iterate
 
-from uuvsim_cosim.envs.conformance.report import NotApplicable, Violation
 from uuvsim_cosim.envs.conformance.subject import (
     Actions,
     Environment,
+    NotApplicable,
     Subject,
+    Violation,
     refuse_unless,
     same,
     short,
@@ -30,7 +32,7 @@ MOST = 3000  # steps to wait for the end of an episode
 
 
 def autoreset_declared(subject: Subject) -> str:
-    """The metadata says how the vector resets rows whose episode has ended."""
+    """The metadata has the mode in which the vector resets rows whose episode has ended."""
     with subject.opened() as env:
         mode = env.metadata.get("autoreset_mode")
     refuse_unless(
@@ -92,7 +94,7 @@ def terminal_observation_kept(subject: Subject) -> str:
 
 
 def autoreset_obeyed(subject: Subject) -> str:
-    """Rows are reset when the declared mode says so, with the observation of the next episode."""
+    """Rows are reset as the declared mode demands, with the observation of the next episode."""
     resets = 0
     for r in _rows(subject):
         if r.phase != "reset":
@@ -128,60 +130,49 @@ def _compare(r: _Row, parts: Iterable[int]) -> None:
 
 def _rows(subject: Subject) -> Iterator[_Row]:
     """Step a vector, and single environments beside it."""
-    strong = subject.single is not None and subject.row_seeds
     steps = max(subject.steps, min((subject.limit or 0) + 3, MOST))
-    with subject.opened() as env:
+    with subject.opened() as env, ExitStack() as opened:
         mode = env.metadata["autoreset_mode"]
         n = env.num_envs
-        singles = [subject.single() for _ in range(n)] if strong and subject.single else []
-        try:
-            yield from _beside(subject, env, mode, singles, steps)
-        finally:
-            for single in singles:
-                single.close()
-
-
-def _beside(
-    subject: Subject, env: Environment, mode: AutoresetMode, singles: list[Environment], steps: int
-) -> Iterator[_Row]:
-    n = env.num_envs
-    actions = Actions("vector", env, subject.seed)
-    batch, _ = env.reset(seed=subject.seed)
-    firsts = [s.reset(seed=subject.seed + i)[0] for i, s in enumerate(singles)]
-    for i, o in enumerate(_split(env, batch)):
-        yield _Row(
-            0, i, "run", (o, None, None, None), (firsts[i], *[None] * 3) if singles else None
-        )
-    ended = np.zeros(n, bool)
-    for k in range(1, steps + 1):
-        action = actions.sample(env, batch)
-        each = list(iterate(env.action_space, action))
-        batch, reward, terminated, truncated, info = env.step(action)
-        observations = _split(env, batch)
-        over = np.asarray(terminated) | np.asarray(truncated)
-        for i in range(n):
-            flags = (reward[i], terminated[i], truncated[i])
-            if ended[i] and mode == AutoresetMode.NEXT_STEP:
-                right = (singles[i].reset()[0], 0.0, False, False) if singles else None
-                yield _Row(k, i, "reset", (observations[i], *flags), right)
-                continue
-            right = singles[i].step(each[i])[:4] if singles else None
-            finished = bool(right[2] or right[3]) if right else bool(over[i])
-            seen = observations[i]
-            if finished and mode == AutoresetMode.SAME_STEP:
-                final = info.get("final_obs")
-                seen = None if final is None else final[i]
-            yield _Row(k, i, "end" if finished else "run", (seen, *flags), right)
-            if finished and mode == AutoresetMode.SAME_STEP:
-                first = (singles[i].reset()[0], *[None] * 3) if singles else None
-                yield _Row(k, i, "reset", (observations[i], None, None, None), first)
-        if mode == AutoresetMode.DISABLED and over.any():
-            batch, _ = env.reset(options={"reset_mask": over})
-            for i, o in enumerate(_split(env, batch)):
-                if over[i]:
+        make = subject.single if subject.row_seeds else None
+        singles = [opened.enter_context(subject.opened(make)) for _ in range(n)] if make else []
+        actions = Actions("vector", env, subject.seed)
+        batch, _ = env.reset(seed=subject.seed)
+        firsts = [s.reset(seed=subject.seed + i)[0] for i, s in enumerate(singles)]
+        for i, o in enumerate(_split(env, batch)):
+            yield _Row(
+                0, i, "run", (o, None, None, None), (firsts[i], *[None] * 3) if singles else None
+            )
+        ended = np.zeros(n, bool)
+        for k in range(1, steps + 1):
+            action = actions.sample(env, batch)
+            each = list(iterate(env.action_space, action))
+            batch, reward, terminated, truncated, info = env.step(action)
+            observations = _split(env, batch)
+            over = np.asarray(terminated) | np.asarray(truncated)
+            for i in range(n):
+                flags = (reward[i], terminated[i], truncated[i])
+                if ended[i] and mode == AutoresetMode.NEXT_STEP:
+                    right = (singles[i].reset()[0], 0.0, False, False) if singles else None
+                    yield _Row(k, i, "reset", (observations[i], *flags), right)
+                    continue
+                right = singles[i].step(each[i])[:4] if singles else None
+                finished = bool(right[2] or right[3]) if right else bool(over[i])
+                seen = observations[i]
+                if finished and mode == AutoresetMode.SAME_STEP:
+                    final = info.get("final_obs")
+                    seen = None if final is None else final[i]
+                yield _Row(k, i, "end" if finished else "run", (seen, *flags), right)
+                if finished and mode == AutoresetMode.SAME_STEP:
                     first = (singles[i].reset()[0], *[None] * 3) if singles else None
-                    yield _Row(k, i, "reset", (o, None, None, None), first)
-        ended = over
+                    yield _Row(k, i, "reset", (observations[i], None, None, None), first)
+            if mode == AutoresetMode.DISABLED and over.any():
+                batch, _ = env.reset(options={"reset_mask": over})
+                for i, o in enumerate(_split(env, batch)):
+                    if over[i]:
+                        first = (singles[i].reset()[0], *[None] * 3) if singles else None
+                        yield _Row(k, i, "reset", (o, None, None, None), first)
+            ended = over
 
 
 def _split(env: Environment, batch: object) -> list[object]:

@@ -4,68 +4,60 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from fractions import Fraction
-from typing import TypeVar, final
+from typing import TypeVar, Unpack, final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from uuvsim_cosim.envs.episodes.spaces import ActionBox
-from uuvsim_cosim.envs.episodes.start_values import rows_of
-from uuvsim_cosim.envs.plants.plant import Plant
+from uuvsim_cosim.envs.plants.choice import PlantOptions, plant_of
 from uuvsim_cosim.envs.task.episode_draws import Draws
-from uuvsim_cosim.envs.task.instant import Instant, mixed
-from uuvsim_cosim.envs.task.signals import Signals, refuse
-from uuvsim_cosim.envs.task.task import Task, TeamTask
+from uuvsim_cosim.envs.task.signals import Instant, Signals, mixed, refuse
+from uuvsim_cosim.envs.task.task import Array, Mask, Task, TeamTask
 from uuvsim_cosim.errors import ComponentFailed, InputInvalid, Problem
+from uuvsim_cosim.fmus.description import Variable
+from uuvsim_cosim.models.declaration.near_names import expected_names
 
 __all__ = ["AGENT", "Episodes", "check_times"]
 
 AGENT = "agent"  # the agent of a task of one
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 T = TypeVar("T", bound=np.generic)
 
 
 def check_times(task: Task | TeamTask, tick: Fraction) -> list[Problem]:
     """Find what is wrong with a task's action step and horizon."""
-    problems = []
     step, horizon = task.action_step, task.horizon
     if step <= 0 or (step / tick).denominator != 1:
-        problems.append(
-            Problem(
-                "action_step",
-                f"{_seconds(step)}, where a communication step takes {_seconds(tick)}",
-                "a whole multiple of it",
-            )
-        )
-    elif horizon <= 0 or (horizon / step).denominator != 1:
-        problems.append(
-            Problem(
-                "horizon",
-                f"{_seconds(horizon)}, where an action takes {_seconds(step)}",
-                "a whole multiple of it",
-            )
-        )
-    return problems
+        read = f"{_seconds(step)}, where a communication step takes {_seconds(tick)}"
+        return [Problem("action_step", read, "a whole multiple of it")]
+    if horizon <= 0 or (horizon / step).denominator != 1:
+        read = f"{_seconds(horizon)}, where an action takes {_seconds(step)}"
+        return [Problem("horizon", read, "a whole multiple of it")]
+    return []
 
 
 @final
 class Episodes:
     """n episodes side by side; episode k of seed s depends on (s, k) and the actions alone.
 
-    Frees the plant when closed.
+    `boxes` are the actions by agent. `problems` are known mistakes of the task, which are reported
+    with those of its times. Makes the plant, and frees it when closed.
     """
 
     def __init__(
         self,
         task: Task | TeamTask,
-        plant: Plant,
+        n: int,
         signals: Signals,
         boxes: Mapping[str, ActionBox],
+        problems: Sequence[Problem],
+        **options: Unpack[PlantOptions],
     ) -> None:
-        refuse(f"task {type(task).__name__}", check_times(task, plant.tick))
-        self.task, self.plant, self.signals = task, plant, signals
-        self.n = n = plant.n
+        place = f"task {type(task).__name__}"
+        refuse(place, [*check_times(task, signals.plan.tick), *problems])
+        acts = [target for box in boxes.values() for target in box.targets]
+        plant = plant_of(task.system, n, reads=signals.names, acts=acts, **options)
+        self.task, self.plant, self.signals, self.n = task, plant, signals, n
         self._boxes = dict(boxes)
         self._ticks = int(task.action_step / plant.tick)
         self._steps = int(task.horizon / task.action_step)
@@ -116,21 +108,13 @@ class Episodes:
             more = f" in environment 0, and all others of {self.n} fail" if self.n > 1 else ""
             raise ComponentFailed(failure.path, failure.time, failure.reason + more)
         values, rows = self._living(self.plant.gather()), np.flatnonzero(chosen)
-        if old is None or len(rows) == self.n:
-            self._moment = Instant(
-                self.signals, values, np.zeros(self.n, np.int64), self._step_seconds,
-                self._idle, self._start,
-            )  # fmt: skip
-            return self._moment
+        step, before = np.zeros(self.n, np.int64), None
+        action: Mapping[str, Array] = self._idle
+        if old is not None and len(rows) < self.n:
+            values, before, step = mixed(old.values, values, rows), old.before, old.step
+            step, action = self._cleared(rows, step, old.action)
         self._moment = Instant(
-            self.signals,
-            mixed(old.values, values, rows),
-            _cleared(old.step, rows),
-            self._step_seconds,
-            {agent: _cleared(a.T, rows).T for agent, a in old.action.items()},
-            self._start,
-            old.before,
-            rows,
+            self.signals, values, step, self._step_seconds, action, self._start, before, rows
         )
         return self._moment
 
@@ -152,8 +136,7 @@ class Episodes:
         if again is not None:  # ended rows were stepped too: a kernel steps all of them
             self._begin(again, None, {})
             rows = np.flatnonzero(again)
-            steps = _cleared(steps, rows)
-            actions = {agent: _cleared(a.T, rows).T for agent, a in actions.items()}
+            steps, actions = self._cleared(rows, steps, actions)
         values = plant.gather()
         failed = plant.failed
         self.any_failed = bool(failed.any())
@@ -225,7 +208,11 @@ class Episodes:
             drawn[name] = wide if whole else wide[chosen]
         system_seeds = draws.seeds()
         if not whole:
-            drawn = {k: self._spread(k, v, chosen) for k, v in drawn.items()}
+            for name, rows in drawn.items():  # put them among the rows of all environments
+                old = self._start.get(name)
+                wide = np.repeat(rows[:1], self.n, axis=0) if old is None else old.copy()
+                wide[chosen] = rows
+                drawn[name] = wide
             few, system_seeds = system_seeds, np.zeros(self.n, np.uint64)
             system_seeds[chosen] = few
         self._moment = None  # there is none if this is interrupted
@@ -238,26 +225,54 @@ class Episodes:
         dead = failed & (chosen if self.stillborn is None else chosen | self.stillborn)
         self.stillborn = dead if self.any_failed and dead.any() else None
 
+    def _cleared(
+        self, rows: NDArray[np.intp], step: NDArray[np.int64], action: Mapping[str, Array]
+    ) -> tuple[NDArray[np.int64], Mapping[str, Array]]:
+        """Copy step counts and actions of all environments, with zeros for some."""
+        idle = {agent: mixed(a.T, self._idle[agent].T, rows).T for agent, a in action.items()}
+        return mixed(step, np.zeros_like(step), rows), idle
+
     def _living(self, values: Array) -> Array:
         """Return values with zeros where a start has failed: the plant's may not be finite."""
         return values if self.stillborn is None else np.where(self.stillborn, 0.0, values)
 
-    def _spread(self, name: str, rows: Array, chosen: Mask) -> Array:
-        """Put rows of some environments among those of all."""
-        old = self._start.get(name)
-        wide = np.zeros((self.n, *rows.shape[1:])) if old is None else old.copy()
-        if old is None:
-            wide[:] = rows[0]
-        wide[chosen] = rows
-        return wide
-
-
-def _cleared(values: NDArray[T], rows: NDArray[np.intp]) -> NDArray[T]:
-    """Copy values (…, n) of all environments, with zeros for some."""
-    both = values.copy()
-    both[..., rows] = 0
-    return both
-
 
 def _seconds(time: Fraction) -> str:
     return f"{float(time):g} s" if time == Fraction(str(float(time))) else f"{time} s"
+
+
+def rows_of(variables: Mapping[str, Variable], name: str, value: object, n: int) -> Array:
+    """Return a start value with one row for each of n environments; raises InputInvalid."""
+    variable = variables.get(name)
+    if variable is None:
+        expected = expected_names(name, variables, "COMPONENT.VARIABLE")
+        raise InputInvalid(f"start value {name!r}", "no such variable", expected)
+    if variable.causality not in ("input", "parameter"):
+        raise InputInvalid(
+            f"start value {name!r}",
+            f"is of causality {variable.causality}",
+            "a parameter or an input",
+        )
+    try:
+        array = np.asarray(value, dtype=float)
+    except (TypeError, ValueError):
+        raise InputInvalid(f"start value {name!r}", f"{value!r}", "numbers") from None
+    shape = (n, *variable.shape)
+    good = np.isfinite(array).all()
+    if array.shape not in (shape, variable.shape) or not good:
+        read = f"of shape {array.shape}" if good else "that are not finite"
+        raise InputInvalid(
+            f"start value {name!r}",
+            f"numbers {read}",
+            f"finite ones of shape {variable.shape} or {shape}",
+        )
+    low = -np.inf if variable.min is None else variable.min
+    high = np.inf if variable.max is None else variable.max
+    outside = np.argwhere((array < low) | (array > high))
+    if len(outside):
+        first = tuple(outside[0])
+        where = f" in environment {first[0]}" if array.shape == shape and n > 1 else ""
+        raise InputInvalid(
+            f"start value {name!r}", f"{array[first]}{where}", f"finite numbers in [{low}, {high}]"
+        )
+    return array if array.shape == shape else np.broadcast_to(array, shape)

@@ -4,27 +4,24 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TypeVar, final
+from typing import TypeVar, Unpack, final
 
 import gymnasium
 import numpy as np
 from numpy.typing import NDArray
 
-from uuvsim_cosim.envs.episodes.episodes import Episodes, check_times
+from uuvsim_cosim.envs.episodes.episodes import Episodes
 from uuvsim_cosim.envs.episodes.spaces import ActionBox
-from uuvsim_cosim.envs.pictures.every_hull import hulls
-from uuvsim_cosim.envs.plants.choice import Backend, DType, plant_of
-from uuvsim_cosim.envs.task.instant import Instant
-from uuvsim_cosim.envs.task.signals import Signals, refuse
-from uuvsim_cosim.envs.task.task import TeamTask
-from uuvsim_cosim.envs.task.task_checks import check_failure_reward, infos_of, refuse_infinite
+from uuvsim_cosim.envs.pictures.screen import hulls
+from uuvsim_cosim.envs.plants.choice import PlantOptions
+from uuvsim_cosim.envs.task.checks import check_failure_reward, infos_of, refuse_infinite
+from uuvsim_cosim.envs.task.signals import Instant, Signals
+from uuvsim_cosim.envs.task.task import Array, Mask, TeamTask
 from uuvsim_cosim.errors import InputInvalid, Problem
 from uuvsim_cosim.orchestrator.plan.flatten import flatten
 
-__all__ = ["TeamMoment", "TeamStage"]
+__all__ = ["TeamMoment", "TeamSimulation"]
 
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 T = TypeVar("T", bound=np.generic)
 
 
@@ -48,7 +45,7 @@ class TeamMoment:
 
 
 @final
-class TeamStage:
+class TeamSimulation:
     """The common part of CosimParallelEnv and CosimTeamVectorEnv: a task, its episodes, spaces.
 
     An agent that has ended does not come back in its episode, and one that is not `present` any
@@ -56,15 +53,7 @@ class TeamStage:
     """
 
     def __init__(
-        self,
-        task: TeamTask,
-        n: int,
-        *,
-        backend: Backend = "auto",
-        threads: int = 1,
-        dtype: DType = "float64",
-        processes: int | None = None,
-        drawn: bool = False,
+        self, task: TeamTask, n: int, *, drawn: bool = False, **options: Unpack[PlantOptions]
     ) -> None:
         if not isinstance(task, TeamTask):
             raise InputInvalid(
@@ -78,27 +67,12 @@ class TeamStage:
         self.boxes = {agent: ActionBox(plan, task.actions[agent]) for agent in self.agents}
         self.spaces = {a: self._space(task.limits(a), f"limits({a!r})") for a in self.agents}
         self.state_space = self._space(task.state_limits(), "state_limits()")
-        refuse(
-            self.place,
-            [
-                *check_times(task, plan.tick),
-                *self._problems(task),
-                *signals.problems,
-                *check_failure_reward(task),
-            ],
-        )
-        acts = [target for box in self.boxes.values() for target in box.targets]
-        plant = plant_of(
-            task.system,
-            n,
-            reads=signals.names,
-            acts=acts,
-            backend=backend,
-            threads=threads,
-            dtype=dtype,
-            processes=processes,
-        )
-        self.episodes = Episodes(task, plant, signals, self.boxes)
+        problems = [
+            *self._problems(task),
+            *signals.problems,
+            *check_failure_reward(task.failure_reward),
+        ]
+        self.episodes = Episodes(task, n, signals, self.boxes, problems, **options)
         self._gone = np.zeros((n, len(self.agents)), bool)
         self._now: TeamMoment | None = None
 
@@ -116,7 +90,7 @@ class TeamStage:
         seeds: Sequence[int] | None = None,
         start: Mapping[str, object] | None = None,
     ) -> TeamMoment:
-        """Begin episodes where the mask is true; raises InputInvalid if nobody is there."""
+        """Begin episodes where the mask is true; raises InputInvalid if no agent is present."""
         m = self.episodes.reset(mask, seeds=seeds, start=start)
         old = self._now
         here = self._by_agent(self.task.present(m), "present()", np.bool_)
@@ -128,7 +102,7 @@ class TeamStage:
         if empty.any():
             raise InputInvalid(
                 self.place,
-                "present() says that no agent is there at the start of an episode",
+                "present() gives no agent at the start of an episode",
                 f"at least one of {', '.join(self.agents)}",
             )
         which = fresh[:, None]
@@ -203,9 +177,8 @@ class TeamStage:
         numbers = np.asarray(values, dtype=np.float32)
         expected = (self.n, *space.shape)
         if numbers.shape != expected:
-            raise InputInvalid(
-                self.place, f"{place} of shape {numbers.shape}", f"{expected}, as its limits say"
-            )
+            read = f"{place} of shape {numbers.shape}"
+            raise InputInvalid(self.place, read, f"{expected}, as for its limits")
         if self.episodes.stillborn is not None:
             numbers = np.where(self.episodes.stillborn[:, None], np.float32(0), numbers)
         refuse_infinite(numbers, f"{self.place}: {place}")

@@ -3,49 +3,38 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import final
+from typing import Unpack, final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from uuvsim_cosim.envs.episodes.episodes import AGENT, Episodes, check_times
+from uuvsim_cosim.envs.episodes.episodes import AGENT, Episodes
 from uuvsim_cosim.envs.episodes.spaces import ActionBox, ObservationBox
-from uuvsim_cosim.envs.pictures.every_hull import hulls
-from uuvsim_cosim.envs.plants.choice import Backend, DType, plant_of
-from uuvsim_cosim.envs.task.instant import Instant
-from uuvsim_cosim.envs.task.signals import Signals, refuse
-from uuvsim_cosim.envs.task.task import Task
-from uuvsim_cosim.envs.task.task_checks import (
+from uuvsim_cosim.envs.pictures.screen import hulls
+from uuvsim_cosim.envs.plants.choice import PlantOptions
+from uuvsim_cosim.envs.task.checks import (
     check_failure_reward,
     infos_of,
     refuse_infinite,
     rewards_of,
 )
+from uuvsim_cosim.envs.task.signals import Instant, Signals
+from uuvsim_cosim.envs.task.task import Array, Task
 from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.orchestrator.plan.flatten import flatten
 
-__all__ = ["Stage"]
-
-Array = NDArray[np.float64]
+__all__ = ["TaskSimulation"]
 
 
 @final
-class Stage:
+class TaskSimulation:
     """The common part of CosimEnv and CosimVectorEnv: a task, its episodes and its spaces.
 
     Raises InputInvalid for a task that does not fit its system.
     """
 
     def __init__(
-        self,
-        task: Task,
-        n: int,
-        *,
-        backend: Backend = "auto",
-        threads: int = 1,
-        dtype: DType = "float64",
-        processes: int | None = None,
-        drawn: bool = False,
+        self, task: Task, n: int, *, drawn: bool = False, **options: Unpack[PlantOptions]
     ) -> None:
         if not isinstance(task, Task):
             raise InputInvalid(
@@ -63,28 +52,14 @@ class Stage:
         observed = [c for c in task.observations if f"signal {c.name!r}" not in unknown]
         self.observation_box = ObservationBox(plan, signals, observed, task.extra_limits)
         none = [] if observed == list(task.observations) else ["observations"]
-        observations = [p for p in self.observation_box.problems if p.place not in none]
-        refuse(
-            self.place,
-            [
-                *check_times(task, plan.tick),
-                *self.action_box.problems,
-                *signals.problems,
-                *observations,
-                *check_failure_reward(task),
-            ],
-        )
-        plant = plant_of(
-            task.system,
-            n,
-            reads=signals.names,
-            acts=self.action_box.targets,
-            backend=backend,
-            threads=threads,
-            dtype=dtype,
-            processes=processes,
-        )
-        self.episodes = Episodes(task, plant, signals, {AGENT: self.action_box})
+        problems = [
+            *self.action_box.problems,
+            *signals.problems,
+            *(p for p in self.observation_box.problems if p.place not in none),
+            *check_failure_reward(task.failure_reward),
+        ]
+        boxes = {AGENT: self.action_box}
+        self.episodes = Episodes(task, n, signals, boxes, problems, **options)
 
     def act(
         self, actions: object, again: NDArray[np.bool_] | None = None, *, alone: bool = False

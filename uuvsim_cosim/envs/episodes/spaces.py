@@ -8,15 +8,13 @@ from typing import final
 import numpy as np
 from numpy.typing import NDArray
 
-from uuvsim_cosim.envs.task.channel import Channel
 from uuvsim_cosim.envs.task.signals import Named, Signals, resolved
+from uuvsim_cosim.envs.task.task import Array, Channel
 from uuvsim_cosim.errors import InputInvalid, Problem
 from uuvsim_cosim.orchestrator.plan.plan import Plan
 from uuvsim_cosim.orchestrator.values.values import Misfit, conversion
 
 __all__ = ["ActionBox", "ObservationBox"]
-
-Array = NDArray[np.float64]
 
 
 @final
@@ -129,7 +127,7 @@ class ObservationBox:
             mine = signals.rows(named)
             if channel.sin_cos:
                 sines += range(len(factor), len(factor) + 2 * len(mine), 2)
-                to_rad = np.repeat(_factors(plan, named, "rad"), 2)
+                to_rad = np.repeat([f for f, _ in _to(plan, named, "rad")], 2)
                 factor += to_rad.tolist()
                 offset += [0.0] * len(to_rad)
                 scaled += [True] * len(to_rad)
@@ -198,7 +196,7 @@ class ObservationBox:
                 raise InputInvalid(
                     "extra()",
                     f"observations of type and shape {shape}",
-                    f"numbers of shape {(n, self.n_extra)}, as extra_limits says",
+                    f"numbers of shape {(n, self.n_extra)}, that of extra_limits",
                 )
             columns[self._n_own :] = given.T
         if blank is not None:
@@ -206,21 +204,18 @@ class ObservationBox:
         if not np.isfinite(np.add.reduce(columns, axis=None)):
             most = np.finfo(np.float32).max
             np.clip(own, -most, most, out=columns[: self._n_own], casting="same_kind")
-            self._refuse_infinite(columns)
+            bad = np.argwhere(~np.isfinite(columns.T))
+            if len(bad):
+                row, column = bad[0].tolist()
+                more = column - self._n_own
+                which = f"observation {column}" + (f", extra()[:, {more}]," if more >= 0 else "")
+                raise InputInvalid(
+                    f"{which} in environment {row} is {columns[column, row]}", "a finite number"
+                )
         if clipped and self._least is not None:
             np.maximum(columns, self._least, out=columns)
             np.minimum(columns, self._greatest, out=columns)
         return columns.T.copy(order="C")
-
-    def _refuse_infinite(self, columns: NDArray[np.float32]) -> None:
-        bad = np.argwhere(~np.isfinite(columns.T))
-        if len(bad):
-            row, column = bad[0].tolist()
-            own = column - self._n_own
-            which = f"observation {column}" + (f", extra()[:, {own}]," if own >= 0 else "")
-            raise InputInvalid(
-                f"{which} in environment {row} is {columns[column, row]}", "a finite number"
-            )
 
 
 def _check_free(plan: Plan, named: Named) -> None:
@@ -243,7 +238,7 @@ def _limits(
     size = len(named.elements)
     _conversions(plan, channel, named)
     if angle:
-        _factors(plan, named, "rad")
+        _to(plan, named, "rad")
         return None, None
     v = named.variable
     sides: list[Array | None] = []
@@ -278,10 +273,6 @@ def _conversions(plan: Plan, channel: Channel, named: Named) -> list[tuple[float
     if channel.unit is None:
         return [(1.0, 0.0)] * len(named.elements)
     return _to(plan, named, channel.unit)
-
-
-def _factors(plan: Plan, named: Named, unit: str) -> Array:
-    return np.array([factor for factor, _ in _to(plan, named, unit)])
 
 
 def _to(plan: Plan, named: Named, unit: str) -> list[tuple[float, float]]:

@@ -48,10 +48,37 @@ class DepthStrip:
             canvas.text((left - 0.4 * size, at), text, palette.MUTED, small, anchor=(1, 0.5))
             canvas.rectangle(left, np.floor(y), right, np.floor(y) + 1, palette.CARD, 0.6)
         with canvas.clipped(left, top, right, bottom):
-            self._bounds(canvas, view, box=(left, top, right, bottom), low=low, scale=per_metre)
-            self._columns(
-                canvas, view, colours, box=(left, top, right, bottom), low=low, scale=per_metre
-            )
+            # The air above the surface, the floor, and the depths of the goals.
+            surface = top - low * per_metre
+            if surface > top:
+                canvas.rectangle(left, top, right, surface, palette.PAGE)
+                canvas.rectangle(left, surface - 1, right, surface + 1, palette.FLOW)
+            if view.arena is not None and view.arena.floor is not None:
+                floor = top + (view.arena.floor - low) * per_metre
+                canvas.rectangle(left, floor, right, bottom, palette.FLOOR)
+            for goal in view.goals:
+                if len(goal.position) == 3 and np.isfinite(goal.position[2]):
+                    y = top + (goal.position[2] - low) * per_metre
+                    canvas.line([(left, y), (right, y)], palette.GOAL, 1.5, 0.9, dash=(5, 4))
+            width = (right - left) / max(len(view.vehicles) + len(view.targets), 1)
+            length = float(np.clip(0.72 * width, 0.8 * size, 3.2 * size))
+            for i, vehicle in enumerate(view.vehicles):
+                if not np.isfinite(vehicle.eta).all():
+                    continue
+                x, y = left + (i + 0.5) * width, top + (vehicle.eta[2] - low) * per_metre
+                outline = from_the_side(length, 0.42 * length, vehicle.eta[4]) + np.array([x, y])
+                canvas.line(outline, palette.CARD, 0.3 * size, 0.8, closed=True)
+                canvas.polygon(outline, colours[vehicle.name])
+                canvas.line(outline, palette.INK, 1.0, 0.55, closed=True)
+                text = f"{vehicle.eta[2]:.2f}"
+                if text_width(text, size) < width - 2:
+                    where = (x, y + 0.42 * length + 0.3 * size)
+                    canvas.text(where, text, palette.INK, size, anchor=(0.5, 0))
+            for i, target in enumerate(view.targets, len(view.vehicles)):
+                centre = (left + (i + 0.5) * width, top + (target.position[2] - low) * per_metre)
+                canvas.disc(centre, 0.55 * size, palette.CARD, 0.8)
+                canvas.circle(centre, 0.48 * size, palette.TARGET, 0.16 * size)
+                canvas.disc(centre, 0.2 * size, palette.TARGET)
 
     def _range(self, view: View, past: Floats) -> tuple[float, float]:
         """Return the least and greatest depth shown: the pool's, or a slowly adapting one."""
@@ -65,50 +92,3 @@ class DepthStrip:
             finite.append(0.0)  # the surface is near enough to be shown
         low, high = self.extent.follow(np.array(finite)[:, None])
         return float(low[0]), float(high[0])
-
-    def _bounds(self, canvas: Canvas, view: View, *, box: Box, low: float, scale: float) -> None:
-        """Draw the air above the surface, the floor, and the depths of the goals."""
-        left, top, right, bottom = box
-        surface = top - low * scale
-        if surface > top:
-            canvas.rectangle(left, top, right, surface, palette.PAGE)
-            canvas.rectangle(left, surface - 1, right, surface + 1, palette.FLOW)
-        if view.arena is not None and view.arena.floor is not None:
-            canvas.rectangle(
-                left, top + (view.arena.floor - low) * scale, right, bottom, palette.FLOOR
-            )
-        for goal in view.goals:
-            if len(goal.position) == 3 and np.isfinite(goal.position[2]):
-                y = top + (goal.position[2] - low) * scale
-                canvas.line([(left, y), (right, y)], palette.GOAL, 1.5, 0.9, dash=(5, 4))
-
-    def _columns(
-        self,
-        canvas: Canvas,
-        view: View,
-        colours: Mapping[str, str],
-        *,
-        box: Box,
-        low: float,
-        scale: float,
-    ) -> None:
-        left, top, right, _ = box
-        width = (right - left) / max(len(view.vehicles) + len(view.targets), 1)
-        length = float(np.clip(0.72 * width, 0.8 * self.size, 3.2 * self.size))
-        for i, vehicle in enumerate(view.vehicles):
-            if not np.isfinite(vehicle.eta).all():
-                continue
-            middle = np.array([left + (i + 0.5) * width, top + (vehicle.eta[2] - low) * scale])
-            outline = from_the_side(length, 0.42 * length, vehicle.eta[4]) + middle
-            canvas.line(outline, palette.CARD, 0.3 * self.size, 0.8, closed=True)
-            canvas.polygon(outline, colours[vehicle.name])
-            canvas.line(outline, palette.INK, 1.0, 0.55, closed=True)
-            text = f"{vehicle.eta[2]:.2f}"
-            if text_width(text, self.size) < width - 2:
-                where = (float(middle[0]), float(middle[1]) + 0.42 * length + 0.3 * self.size)
-                canvas.text(where, text, palette.INK, self.size, anchor=(0.5, 0))
-        for i, target in enumerate(view.targets, len(view.vehicles)):
-            centre = (left + (i + 0.5) * width, top + (target.position[2] - low) * scale)
-            canvas.disc(centre, 0.55 * self.size, palette.CARD, 0.8)
-            canvas.circle(centre, 0.48 * self.size, palette.TARGET, 0.16 * self.size)
-            canvas.disc(centre, 0.2 * self.size, palette.TARGET)

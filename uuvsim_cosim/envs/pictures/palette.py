@@ -6,7 +6,7 @@ __all__ = ["HULLS", "INK", "LINE", "MUTED", "PAGE"]
 
 PAGE, CARD = "#f4f6f9", "#ffffff"
 INK, MUTED = "#13202f", "#5d6b7c"
-LINE, GRID, AXIS = "#d8dfe8", "#e6ecf3", "#aab4c0"
+LINE, GRID = "#d8dfe8", "#e6ecf3"
 WATER, SHALLOW, DEEP, FLOOR = "#f7fafc", "#eaf3fa", "#bcd3e6", "#b3a58f"
 WALL, STONE, STONE_RIM = "#7d8a9a", "#c3ccd6", "#8592a1"
 PATH, GOAL, TARGET, FLOW = "#7d8a9a", "#12907f", "#c2334d", "#4f8fc4"

@@ -63,7 +63,15 @@ class Plan:
             margin = 0.05 * (high - low).max()
             low, high = low - margin, high + margin
         else:
-            points = np.concatenate([*_things(view), *(track[:, :2] for track in trails.values())])
+            # N and E of all objects, with a margin of a length around vehicles.
+            around = np.array([(-1.0, -1.0), (-1.0, 1.0), (1.0, -1.0), (1.0, 1.0)])
+            things = [np.zeros((0, 2)), *(track[:, :2] for track in trails.values())]
+            things += [np.array(v.eta[:2]) + 1.5 * v.length * around for v in view.vehicles]
+            things += [np.array([t.position[:2]]) for t in view.targets]
+            things += [np.array([g.position[:2]]) for g in view.goals]
+            things += [np.array((o.x, o.y)) + o.r * around for o in view.obstacles]
+            things += [] if view.path is None else [np.asarray(view.path, float)]
+            points = np.concatenate(things)
             points = points[np.isfinite(points).all(axis=1)]
             low, high = self.extent.follow(points if len(points) else np.zeros((1, 2)))
         self.middle = 0.5 * (low + high)
@@ -225,14 +233,3 @@ class Plan:
             canvas.arrow(middle - half, middle + half, palette.FLOW, 2.0, head=0.85 * s)
         where = (float(middle[0]), top + 3.5 * s)
         canvas.text(where, text, palette.MUTED, s, anchor=(0.5, 1))
-
-
-def _things(view: View) -> list[Floats]:
-    """Return N and E of all objects, with a margin of a length around vehicles."""
-    round_about = np.array([(-1.0, -1.0), (-1.0, 1.0), (1.0, -1.0), (1.0, 1.0)])
-    things = [np.zeros((0, 2))]
-    things += [np.array(v.eta[:2]) + 1.5 * v.length * round_about for v in view.vehicles]
-    things += [np.array([t.position[:2]]) for t in view.targets]
-    things += [np.array([g.position[:2]]) for g in view.goals]
-    things += [np.array((o.x, o.y)) + o.r * round_about for o in view.obstacles]
-    return things if view.path is None else [*things, np.asarray(view.path, float)]

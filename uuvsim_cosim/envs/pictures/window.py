@@ -77,9 +77,16 @@ class Window:
         now = self._clock()
         late = now - self._next >= self.period
         self._next = (now if late else self._next) + self.period
+        height, width = frame.shape[:2]
+        ppm = b"P6 %d %d 255\n" % (width, height) + frame.tobytes()
         try:
-            self._put(frame)
-        except self._tkinter.TclError:  # its display has gone, or somebody destroyed it
+            if self._image is not None and self._shape == frame.shape:
+                self._image.configure(data=ppm)
+            else:
+                self._image = self._tkinter.PhotoImage(master=self._root, data=ppm, format="PPM")
+                self._shape = frame.shape
+                self._label.configure(image=self._image)
+        except self._tkinter.TclError:  # its display has gone, or the window was destroyed
             self.close()
         self._look()
         return not self.closed
@@ -93,17 +100,6 @@ class Window:
                 root.destroy()
             except self._tkinter.TclError:
                 return  # it is destroyed already
-
-    def _put(self, frame: NDArray[np.uint8]) -> None:
-        """Hand the frame to tkinter as a PPM; a new image only where the size is new."""
-        height, width = frame.shape[:2]
-        ppm = b"P6 %d %d 255\n" % (width, height) + frame.tobytes()
-        if self._image is not None and self._shape == frame.shape:
-            self._image.configure(data=ppm)
-            return
-        self._image = self._tkinter.PhotoImage(master=self._root, data=ppm, format="PPM")
-        self._shape = frame.shape
-        self._label.configure(image=self._image)
 
     def _look(self) -> None:
         """Let the window draw itself and take its user's clicks."""

@@ -5,11 +5,11 @@ from __future__ import annotations
 import logging
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Literal
+from typing import Literal, TypedDict
 
 from uuvsim_cosim.envs.plants.memory_limit import LEAST_MASTER, refuse_beyond
 from uuvsim_cosim.envs.plants.plant import Plant
-from uuvsim_cosim.envs.task.argument_checks import whole
+from uuvsim_cosim.envs.task.checks import whole
 from uuvsim_cosim.errors import InputInvalid, SystemInvalid
 from uuvsim_cosim.kernels import Kernel, fuse
 from uuvsim_cosim.orchestrator.master.prepared import prepare
@@ -17,12 +17,22 @@ from uuvsim_cosim.orchestrator.plan.flatten import flatten
 from uuvsim_cosim.orchestrator.plan.plan import Plan as SystemPlan
 from uuvsim_cosim.orchestrator.system.system import System
 
-__all__ = ["Backend", "DType", "check_backend", "plant_of"]
+__all__ = ["Backend", "DType", "PlantOptions", "check_backend", "plant_of"]
 
 _log = logging.getLogger(__name__)
 
 Backend = Literal["auto", "kernel", "master"]
 DType = Literal["float64", "float32"]
+
+
+class PlantOptions(TypedDict, total=False):
+    """The options of `plant_of`."""
+
+    backend: Backend
+    threads: int  # of a kernel
+    dtype: DType  # of a kernel's numbers
+    processes: int | None  # of masters; 0: in this process
+
 
 _kernels: list[tuple[System, int, str, Kernel]] = []  # the last few, so that each is made once
 _KEPT = 8

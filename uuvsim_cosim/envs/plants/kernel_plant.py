@@ -48,14 +48,6 @@ class KernelPlant:
         self._runs = _runs(self._out)
         self._width = self._cells.shape[2]
 
-    def read(self, name: str) -> NDArray[np.generic]:
-        """Copy a variable: of shape (n, *shape)."""
-        return self._batch.get(name)
-
-    def write(self, name: str, values: NDArray[np.generic]) -> None:
-        """Set an unconnected input or a tunable parameter in all copies: (n, *shape)."""
-        self._batch.set(name, values)
-
     def gather(self) -> Array:
         """Copy what is read: of shape (size, n)."""
         cells = self._cells
@@ -90,9 +82,18 @@ class KernelPlant:
         self, mask: NDArray[np.bool_], seeds: Seeds, start: Mapping[str, NDArray[np.generic]]
     ) -> None:
         """Go back to time 0 where the mask is true."""
+        fused = self._kernel.fused
         for name in start:
             if name not in self._given:
-                self._given[name] = self._declared(name)
+                path, _, own = name.rpartition(".")
+                v = self.variables.get(name)
+                if v is None:
+                    self._given[name] = np.zeros(0)  # the batch refuses the name
+                    continue
+                planned = fused.plan.components[fused.index[path]]
+                value = np.asarray(planned.start.get(own, v.start), float).reshape(v.shape)
+                rows = np.broadcast_to(value, (self.n, *v.shape))
+                self._given[name] = np.ascontiguousarray(rows)
         values = {name: start.get(name, own) for name, own in self._given.items()}
         every = None if mask.all() else mask
         self._batch.reset(every, seeds=np.asarray(seeds, np.uint64), start=values, check=False)
@@ -123,19 +124,6 @@ class KernelPlant:
         v = fused.plan.components[i].description.variables[own]
         first = fused.members[i].cell + v.value_references[0]
         return range(first, first + v.size)
-
-    def _declared(self, name: str) -> Array:
-        """Return a variable's start value as the plan and the declaration have it."""
-        path, _, own = name.rpartition(".")
-        fused = self._kernel.fused
-        if path not in fused.index:
-            return np.zeros(0)  # the batch refuses the name
-        planned = fused.plan.components[fused.index[path]]
-        v = planned.description.variables.get(own)
-        if v is None:
-            return np.zeros(0)
-        value = np.asarray(planned.start.get(own, v.start), float)
-        return np.ascontiguousarray(np.broadcast_to(value.reshape(v.shape), (self.n, *v.shape)))
 
 
 def _runs(cells: NDArray[np.intp]) -> list[tuple[int, int]]:

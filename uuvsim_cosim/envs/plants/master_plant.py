@@ -9,11 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uuvsim_cosim.envs.plants.memory_limit import refuse_beyond, resident
-from uuvsim_cosim.envs.plants.plant import Seeds, variables_of
+from uuvsim_cosim.envs.plants.plant import Seeds
+from uuvsim_cosim.envs.task.signals import variables_of
 from uuvsim_cosim.errors import ComponentFailed, InputInvalid, UuvsimError
 from uuvsim_cosim.fmus.codegen.native import Native
 from uuvsim_cosim.fmus.component import Component
-from uuvsim_cosim.fmus.description import Variable
 from uuvsim_cosim.orchestrator.master.master import Master
 from uuvsim_cosim.orchestrator.plan.plan import Plan, PlannedComponent
 
@@ -42,7 +42,7 @@ class MasterPlant:
     ) -> None:
         self.n = n
         self.tick = plan.tick
-        self.variables: Mapping[str, Variable] = variables_of(plan)
+        self.variables = variables_of(plan)
         self._plan, self._first = plan, instantiate
         self._known: dict[str, Native] = {}  # an instance of each declaration
         self._reads, self._acts = tuple(reads), tuple(acts)
@@ -61,17 +61,6 @@ class MasterPlant:
         except BaseException:
             self.close()
             raise
-
-    def read(self, name: str) -> NDArray[np.generic]:
-        """Copy a variable: of shape (n, *shape)."""
-        path, _, own = name.rpartition(".")
-        return np.array([row.master.get(path, own) for row in self._rows])
-
-    def write(self, name: str, values: NDArray[np.generic]) -> None:
-        """Set an unconnected input or a tunable parameter in all copies: (n, *shape)."""
-        path, _, own = name.rpartition(".")
-        for row, value in zip(self._rows, values, strict=True):
-            row.master.set(path, own, value)
 
     def gather(self) -> Array:
         """Copy what is read: of shape (size, n)."""
@@ -174,8 +163,11 @@ class _Row:
             self._all = master.all_slots
             self._index = np.concatenate([_places(view, self._all) for view in views])
         self._held = master.all_slots
-        at = [_places(_held(master, name), self._held)[i] for name, i in acts]
-        self._at = np.array(at, np.intp)
+        held = {name: master.slots(*_split(name)) for name, _ in acts}
+        places = {
+            name: _places(view, self._held) for name, view in held.items() if view is not None
+        }
+        self._at = np.array([places[name][i] for name, i in acts], np.intp)
 
     def gather(self) -> Array:
         if self._all is not None:
@@ -199,12 +191,6 @@ class _Row:
 
     def scatter(self, values: Array) -> None:
         self._held[self._at] = values
-
-
-def _held(master: Master, name: str) -> NDArray[np.generic]:
-    view = master.slots(*_split(name))
-    assert view is not None
-    return view
 
 
 def _places(view: NDArray[np.generic], base: NDArray[np.generic]) -> NDArray[np.intp]:

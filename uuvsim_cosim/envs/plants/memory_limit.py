@@ -18,13 +18,9 @@ def refuse_beyond(n: int, each: int, *, least: bool = False) -> None:
     """Raise InputInvalid if n environments of `each` bytes (or at `least`) do not fit."""
     available = available_memory()
     if available is not None and n * each > available:
-        raise InputInvalid(
-            (
-                f"{n} environments of {'at least ' if least else ''}{each} bytes "
-                f"need {_size(n * each)}, where {_size(available)} are available"
-            ),
-            f"at most {available // each}",
-        )
+        size = f"{'at least ' if least else ''}{each} bytes"
+        need = f"need {n * each / 1e9:.3g} GB, where {available / 1e9:.3g} GB are available"
+        raise InputInvalid(f"{n} environments of {size} {need}", f"at most {available // each}")
 
 
 def available_memory() -> int | None:
@@ -49,7 +45,3 @@ def resident() -> int | None:
         return int(Path("/proc/self/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE")
     except OSError:
         return None
-
-
-def _size(n_bytes: int) -> str:
-    return f"{n_bytes / 1e9:.3g} GB"

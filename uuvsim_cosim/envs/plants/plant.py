@@ -11,18 +11,10 @@ from numpy.typing import NDArray
 
 from uuvsim_cosim.errors import ComponentFailed
 from uuvsim_cosim.fmus.description import Variable
-from uuvsim_cosim.orchestrator.plan.plan import Plan
 
-__all__ = ["Plant", "Seeds", "variables_of"]
+__all__ = ["Plant", "Seeds"]
 
 Seeds = Sequence[int] | NDArray[np.uint64]
-
-
-def variables_of(plan: Plan) -> dict[str, Variable]:
-    """Return the variables of a plan by path and name, "hull.eta"."""
-    return {
-        f"{c.path}.{v.name}": v for c in plan.components for v in c.description.variables.values()
-    }
 
 
 class Plant(Protocol):
@@ -35,12 +27,6 @@ class Plant(Protocol):
     n: int
     tick: Fraction  # s, of a communication step
     variables: Mapping[str, Variable]  # by path and name, "hull.eta"
-
-    def read(self, name: str) -> NDArray[np.generic]:
-        """Copy a variable: of shape (n, *shape)."""
-
-    def write(self, name: str, values: NDArray[np.generic]) -> None:
-        """Set an unconnected input or a tunable parameter in all copies: (n, *shape)."""
 
     def gather(self) -> NDArray[np.float64]:
         """Copy what the plant was made to read, variable below variable: of shape (size, n)."""

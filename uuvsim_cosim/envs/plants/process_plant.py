@@ -11,11 +11,10 @@ from typing import Any, final
 import numpy as np
 from numpy.typing import NDArray
 
-from uuvsim_cosim.envs.plants.plant import Seeds, variables_of
-from uuvsim_cosim.envs.plants.shared_memory import Shared
-from uuvsim_cosim.envs.plants.worker_pipe import Failures, Job, WorkerProcess
+from uuvsim_cosim.envs.plants.plant import Seeds
+from uuvsim_cosim.envs.plants.worker_process import Failures, Job, Shared, WorkerProcess
+from uuvsim_cosim.envs.task.signals import variables_of
 from uuvsim_cosim.errors import ComponentFailed, InputInvalid, UuvsimError
-from uuvsim_cosim.fmus.description import Variable
 from uuvsim_cosim.orchestrator.plan.plan import Plan
 
 __all__ = ["ProcessPlant"]
@@ -47,7 +46,7 @@ class ProcessPlant:
             raise InputInvalid(f"processes {processes}", "at least 1, or None")
         self.n = n
         self.tick = plan.tick
-        self.variables: Mapping[str, Variable] = variables_of(plan)
+        self.variables = variables_of(plan)
         self._owner = os.getpid()
         self._failures: dict[int, ComponentFailed] = {}
         self._acted = False  # whether there are actions that the workers have not seen
@@ -71,14 +70,6 @@ class ProcessPlant:
             self._end(now=True)
             raise
 
-    def read(self, name: str) -> NDArray[np.generic]:
-        """Copy a variable: of shape (n, *shape)."""
-        return np.concatenate(self._call("read", name))
-
-    def write(self, name: str, values: NDArray[np.generic]) -> None:
-        """Set an unconnected input or a tunable parameter in all copies: (n, *shape)."""
-        self._each("write", [(name, values[worker.rows]) for worker in self._live()])
-
     def gather(self) -> Array:
         """Copy what is read: of shape (size, n)."""
         self._live()
@@ -93,7 +84,7 @@ class ProcessPlant:
     def step(self, ticks: int) -> None:
         """Make communication steps in all copies that have not failed."""
         acted, self._acted = self._acted, False
-        self._keep_failures(self._call("step", ticks, acted))
+        self._keep_failures(self._each("step", [(ticks, acted)] * len(self._live())))
 
     def reset(
         self, mask: NDArray[np.bool_], seeds: Seeds, start: Mapping[str, NDArray[np.generic]]
@@ -128,9 +119,6 @@ class ProcessPlant:
         worker = WorkerProcess(first, end, self._memory.handles)
         worker.send("begin", replace(self._job, first=first, n=end - first))
         return worker
-
-    def _call(self, name: str, *arguments: object) -> list[Any]:
-        return self._each(name, [arguments] * len(self._live()))
 
     def _each(self, name: str, arguments: Sequence[tuple[object, ...]]) -> list[Any]:
         """Send to all workers, receive all answers, then raise the first error.
@@ -181,13 +169,10 @@ class ProcessPlant:
 
     def _live(self) -> list[WorkerProcess]:
         if os.getpid() != self._owner:
-            raise UuvsimError(
-                (
-                    "the worker processes are those of another process, which this one "
-                    "was forked from"
-                ),
-                "new environments",
+            read = (
+                "the worker processes are those of another process, which this one was forked from"
             )
+            raise UuvsimError(read, "new environments")
         if not self._workers:
             raise UuvsimError("the worker processes have ended", "new environments")
         if self._broken:

@@ -11,8 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uuvsim_cosim.envs.plants.master_plant import MasterPlant
-from uuvsim_cosim.envs.plants.shared_memory import Shared
-from uuvsim_cosim.envs.plants.worker_pipe import Failures, Job, receive, send
+from uuvsim_cosim.envs.plants.worker_process import Failures, Job, Shared, receive, send
 from uuvsim_cosim.errors import ComponentFailed, UuvsimError
 from uuvsim_cosim.orchestrator.master.prepared import prepare
 
@@ -44,14 +43,6 @@ class _Worker:
         """Reset the rows of the mask."""
         self.plant.reset(self._mask.copy(), self._seeds.tolist(), start)
         return self._show()
-
-    def read(self, name: str) -> NDArray[np.generic]:
-        """Copy a variable."""
-        return self.plant.read(name)
-
-    def write(self, name: str, values: NDArray[np.generic]) -> None:
-        """Set a variable."""
-        self.plant.write(name, values)
 
     def _show(self) -> Failures:
         """Write signals and failures into the shared memory; return the failures in words."""

@@ -67,8 +67,7 @@ class Copula:
     def __init__(self, pairs: Pairs) -> None:
         self.names, C = _matrix(pairs)
         n = len(self.names)
-        self._L = [[0.0] * n for _ in range(n)]
-        L = self._L
+        self._L = L = [[0.0] * n for _ in range(n)]
         for i in range(n):
             for j in range(i + 1):
                 rest = float(C[i, j]) - math.fsum(L[i][k] * L[j][k] for k in range(j))

@@ -66,8 +66,8 @@ class Distribution(ABC):
     def _numbers(self) -> dict[str, Numbers]:
         return {f.name: getattr(self, f.name) for f in fields(self)}  # type: ignore[arg-type]
 
-    def _frozen(self, *may_be_infinite: str) -> None:
-        """Keep sequences as tuples of finite floats."""
+    def _frozen(self, *may_be_infinite: str) -> list[Array]:
+        """Keep sequences as tuples of finite floats; return all fields as arrays."""
         for name, given in self._numbers().items():
             try:
                 value = np.asarray(given, dtype=float)
@@ -85,13 +85,11 @@ class Distribution(ABC):
                 self, name, float(value) if value.ndim == 0 else tuple(map(float, value))
             )
         _ = self.size
+        return [np.asarray(v, dtype=float) for v in self._numbers().values()]
 
     def _must(self, holds: bool | np.bool_ | NDArray[np.bool_], expected: str) -> None:
         if not np.all(holds):
             raise InputInvalid(f"{self!r}: expected {expected}")
-
-    def _arrays(self) -> list[Array]:
-        return [np.asarray(v, dtype=float) for v in self._numbers().values()]
 
 
 @final
@@ -104,8 +102,7 @@ class Uniform(Distribution):
 
     def __post_init__(self) -> None:
         """Check the order."""
-        self._frozen()
-        low, high = self._arrays()
+        low, high = self._frozen()
         self._must(low <= high, "low not above high")
 
     def quantile(self, u: Array) -> Array:
@@ -129,8 +126,7 @@ class LogUniform(Distribution):
 
     def __post_init__(self) -> None:
         """Check the order and the sign."""
-        self._frozen()
-        low, high = self._arrays()
+        low, high = self._frozen()
         self._must((low > 0) & (low <= high), "low above 0 and not above high")
 
     def quantile(self, u: Array) -> Array:
@@ -158,8 +154,7 @@ class Normal(Distribution):
 
     def __post_init__(self) -> None:
         """Check the order, and that [min, max] has some probability."""
-        self._frozen("min", "max")
-        _, std, low, high = self._arrays()
+        _, std, low, high = self._frozen("min", "max")
         self._must(std >= 0, "std of at least 0")
         self._must(low < high, "min below max")
         size = self.size
@@ -214,8 +209,7 @@ class Triangular(Distribution):
 
     def __post_init__(self) -> None:
         """Check the order."""
-        self._frozen()
-        low, mode, high = self._arrays()
+        low, mode, high = self._frozen()
         self._must((low <= mode) & (mode <= high) & (low < high), "low <= mode <= high, low < high")
 
     def quantile(self, u: Array) -> Array:

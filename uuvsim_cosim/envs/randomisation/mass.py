@@ -51,25 +51,22 @@ class HullMass:
     def right(self, start: Mapping[str, Array], n: int) -> NDArray[np.bool_]:
         """Return which rows of start values are a possible body, of shape (n,)."""
         own = {k: start[f"{self.path}.{k}"] for k in self._names if f"{self.path}.{k}" in start}
-        parts = [
-            self._right({f"{self.path}.{k}": v[i : i + AT_ONCE] for k, v in own.items()},
-                        min(AT_ONCE, n - i))
-            for i in range(0, n, AT_ONCE)
-        ]  # fmt: skip
-        return np.concatenate(parts) if parts else np.ones(0, bool)
+        good = np.ones(n, bool)
+        for i in range(0, n, AT_ONCE):
+            part = slice(i, i + AT_ONCE)
+            values = self._values({k: v[part] for k, v in own.items()}, min(AT_ONCE, n - i))
+            table = np.array([values[k] for k in self._names])
+            M = np.asarray(self._M(table)).reshape(6, -1, 6).transpose(1, 0, 2)
+            good[part] = _positive_definite(0.5 * (M + M.transpose(0, 2, 1)))
+            if self._triangle:
+                good[part] &= self._inertia_right(values)
+        return good
 
-    def _right(self, start: Mapping[str, Array], n: int) -> NDArray[np.bool_]:
-        values = self._values(start, n)
-        table = np.array([values[k] for k in self._names])
-        M = np.asarray(self._M(table)).reshape(6, n, 6).transpose(1, 0, 2)
-        good = _positive_definite(0.5 * (M + M.transpose(0, 2, 1)))
-        return good & self._inertia_right(values) if self._triangle else good
-
-    def _values(self, start: Mapping[str, Array], n: int) -> dict[str, Array]:
-        given = {k: start.get(f"{self.path}.{k}") for k in self._names}
+    def _values(self, given: Mapping[str, Array], n: int) -> dict[str, Array]:
+        """Return all parameters of mass, of shape (n,), the given ones and the system's."""
         return {
-            k: np.full(n, self._start[k]) if v is None else np.asarray(v, dtype=float)
-            for k, v in given.items()
+            k: np.asarray(given[k], dtype=float) if k in given else np.full(n, self._start[k])
+            for k in self._names
         }
 
     def _inertia_right(self, values: Mapping[str, Array]) -> NDArray[np.bool_]:

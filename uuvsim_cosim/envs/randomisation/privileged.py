@@ -3,22 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, final, overload
+from typing import Any, final, overload
 
 import numpy as np
-from numpy.typing import NDArray
 
 from uuvsim_cosim.envs.randomisation.randomisation import Randomisation
 from uuvsim_cosim.envs.task.episode_draws import Draws
-from uuvsim_cosim.envs.task.task import Moment, Task, TeamTask
+from uuvsim_cosim.envs.task.task import Array, Moment, Task, TeamTask
 from uuvsim_cosim.errors import InputInvalid
 
-if TYPE_CHECKING:
-    from uuvsim_cosim.envs.pictures.picture import View
-
 __all__ = ["with_privileged"]
-
-Array = NDArray[np.float64]
 
 
 @overload
@@ -37,32 +31,57 @@ def with_privileged(task: Task | TeamTask) -> PrivilegedTask | PrivilegedTeamTas
     return PrivilegedTeamTask(task) if isinstance(task, TeamTask) else PrivilegedTask(task)
 
 
-def _drawn(task: Task | TeamTask) -> Randomisation:
-    drawn = task.randomisation
-    if not isinstance(drawn, Randomisation):
-        raise InputInvalid(
-            type(task).__name__, "draws nothing by a Randomisation", "a task with one"
-        )
-    return drawn.bound(task.system)
+class _Wrapper:
+    """The methods that both tasks below leave to the task that they wrap."""
 
+    task: Any
 
-@final
-class PrivilegedTask(Task):
-    """A task whose `extra` ends with the parameters that its Randomisation draws."""
-
-    def __init__(self, task: Task) -> None:
-        self.task, self.drawn = task, _drawn(task)
+    def __init__(self, task: Task | TeamTask, **options: Any) -> None:
+        drawn = task.randomisation
+        if not isinstance(drawn, Randomisation):
+            raise InputInvalid(
+                type(task).__name__, "draws nothing by a Randomisation", "a task with one"
+            )
+        self.task = task
+        self.drawn = drawn.bound(task.system)
         self.privileged_width = len(self.drawn.privileged_names)
         self.failure_reward = task.failure_reward
         super().__init__(
-            task.system,
-            actions=task.actions,
-            observations=task.observations,
+            task.system,  # type: ignore[call-arg]
             action_step=task.action_step,
             horizon=task.horizon,
             signals=task.signals,
             randomisation=self.drawn,
+            **options,
         )
+
+    def start(self, draws: Draws) -> Any:
+        """Delegate to the task."""
+        return self.task.start(draws)
+
+    def reward(self, m: Moment) -> Any:
+        """Delegate to the task."""
+        return self.task.reward(m)
+
+    def terminated(self, m: Moment) -> Any:
+        """Delegate to the task."""
+        return self.task.terminated(m)
+
+    def info(self, m: Moment) -> Any:
+        """Delegate to the task."""
+        return self.task.info(m)
+
+    def view(self, m: Moment, row: int) -> Any:
+        """Delegate to the task."""
+        return self.task.view(m, row)
+
+
+@final
+class PrivilegedTask(_Wrapper, Task):
+    """A task whose `extra` ends with the parameters that its Randomisation draws."""
+
+    def __init__(self, task: Task) -> None:
+        super().__init__(task, actions=task.actions, observations=task.observations)
 
     def extra(self, m: Moment) -> Array:
         """Return the task's own, then the drawn parameters."""
@@ -77,44 +96,14 @@ class PrivilegedTask(Task):
         least, most = self.drawn.privileged_limits
         return [*low, *least.tolist()], [*high, *most.tolist()]
 
-    def start(self, draws: Draws) -> Mapping[str, Array]:
-        """Delegate to the task."""
-        return self.task.start(draws)
-
-    def reward(self, m: Moment) -> Array:
-        """Delegate to the task."""
-        return self.task.reward(m)
-
-    def terminated(self, m: Moment) -> NDArray[np.bool_]:
-        """Delegate to the task."""
-        return self.task.terminated(m)
-
-    def info(self, m: Moment) -> Mapping[str, NDArray[np.generic]]:
-        """Delegate to the task."""
-        return self.task.info(m)
-
-    def view(self, m: Moment, row: int) -> View | None:
-        """Delegate to the task."""
-        return self.task.view(m, row)
-
 
 @final
-class PrivilegedTeamTask(TeamTask):
+class PrivilegedTeamTask(_Wrapper, TeamTask):
     """A team's task whose observations and state end with the drawn parameters."""
 
     def __init__(self, task: TeamTask) -> None:
-        self.task, self.drawn = task, _drawn(task)
-        self.privileged_width = len(self.drawn.privileged_names)
-        self.failure_reward, self.team_reward = task.failure_reward, task.team_reward
-        super().__init__(
-            task.system,
-            agents=task.agents,
-            actions=task.actions,
-            action_step=task.action_step,
-            horizon=task.horizon,
-            signals=task.signals,
-            randomisation=self.drawn,
-        )
+        super().__init__(task, agents=task.agents, actions=task.actions)
+        self.team_reward = task.team_reward
 
     def limits(self, agent: str) -> tuple[Array, Array]:
         """Return the task's own, then -1 and 1."""
@@ -134,29 +123,9 @@ class PrivilegedTeamTask(TeamTask):
         """Return the task's own, then -1 and 1."""
         return self._longer(self.task.state_limits())
 
-    def start(self, draws: Draws) -> Mapping[str, Array]:
-        """Delegate to the task."""
-        return self.task.start(draws)
-
-    def reward(self, m: Moment) -> Mapping[str, Array]:
-        """Delegate to the task."""
-        return self.task.reward(m)
-
-    def terminated(self, m: Moment) -> Mapping[str, NDArray[np.bool_]]:
-        """Delegate to the task."""
-        return self.task.terminated(m)
-
-    def present(self, m: Moment) -> Mapping[str, NDArray[np.bool_]]:
+    def present(self, m: Moment) -> Any:
         """Delegate to the task."""
         return self.task.present(m)
-
-    def info(self, m: Moment) -> Mapping[str, NDArray[np.generic]]:
-        """Delegate to the task."""
-        return self.task.info(m)
-
-    def view(self, m: Moment, row: int) -> View | None:
-        """Delegate to the task."""
-        return self.task.view(m, row)
 
     def _longer(self, own: tuple[Array, Array]) -> tuple[Array, Array]:
         (low, high), (least, most) = own, self.drawn.privileged_limits

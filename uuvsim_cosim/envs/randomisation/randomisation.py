@@ -105,32 +105,24 @@ class Randomisation:
         """
         start = self._once(draws, "")
         self.drawn += draws.n
-        attempt = 1
-        while len(wrong := self._impossible(start, draws.n)):
-            attempt += 1
-            if attempt > TRIES:
-                hulls = ", ".join(h.path for h in self._hulls)
-                raise InputInvalid(
-                    hulls,
-                    (
-                        f"{TRIES} draws one after the other gave no possible body (M not "
-                        "positive definite, or inertia against its triangle rule)"
-                    ),
-                    "distributions of mass and inertia that agree with each other",
-                )
-            for name, values in self._once(draws.rows(wrong), f"/{attempt}").items():
-                start[name][wrong] = values
-        return start
-
-    def _impossible(self, start: Mapping[str, Array], n: int) -> NDArray[np.int64]:
-        """Return the rows in which a hull is not a possible body, and count them."""
-        good = np.ones(n, bool)
-        for hull in self._hulls:
-            right = hull.right(start, n)
-            if not right.all():
-                self.rejected[hull.path] = self.rejected.get(hull.path, 0) + int((~right).sum())
-            good &= right
-        return np.flatnonzero(~good)
+        for attempt in range(2, TRIES + 2):
+            good = np.ones(draws.n, bool)
+            for hull in self._hulls:
+                right = hull.right(start, draws.n)
+                if not right.all():
+                    self.rejected[hull.path] = self.rejected.get(hull.path, 0) + int((~right).sum())
+                good &= right
+            if good.all():
+                return start
+            if attempt <= TRIES:
+                for name, values in self._once(draws.rows(~good), f"/{attempt}").items():
+                    start[name][~good] = values
+        raise InputInvalid(
+            ", ".join(h.path for h in self._hulls),
+            f"{TRIES} draws one after the other gave no possible body (M not positive definite, "
+            "or inertia against its triangle rule)",
+            "distributions of mass and inertia that agree with each other",
+        )
 
     @property
     def remarks(self) -> tuple[str, ...]:

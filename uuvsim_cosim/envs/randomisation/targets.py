@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uuvsim_cosim.envs.randomisation.distributions import Choice, Constant, Distribution
+from uuvsim_cosim.envs.task.signals import variables_of
 from uuvsim_cosim.errors import InputInvalid, Problem
 from uuvsim_cosim.fmus.description import Variable
 from uuvsim_cosim.models.declaration.near_names import expected_names
@@ -108,8 +109,7 @@ class Quantity:
     @property
     def limits(self) -> tuple[float, float]:
         """Return finite limits of its first element's value."""
-        first = self.targets[0]
-        return first.between(first.distribution.range)
+        return self.targets[0].between(self.targets[0].distribution.range)
 
 
 @final
@@ -125,11 +125,7 @@ class Places:
             for c in self.plan.components
             for name, value in c.start.items()
         }
-        self.variables: dict[str, Variable] = {
-            f"{c.path}.{v.name}": v
-            for c in self.plan.components
-            for v in c.description.variables.values()
-        }
+        self.variables = variables_of(self.plan)
         self._fed: dict[str, dict[int, str]] = {}
         for t in self.plan.transfers:
             source = f"{self.plan.components[t.source].path}.{t.source_variable.name}"
@@ -206,7 +202,6 @@ class Places:
         """Return the target of element i, the k-th of the named elements."""
         name = f"{point.element}.{point.variable.name}"
         v = point.variable
-        text = f"{point.element}.{v.element_name(i)}"
         wrong = self._may(name)
         if wrong is not None:
             raise wrong
@@ -223,7 +218,13 @@ class Places:
             if vary.relative or not values or any(x != int(x) for x in values):
                 raise Misfit(f"{distribution!r} for a {v.type}", "a Choice of whole numbers")
         target = self._scaled(vary, Target(name, i, distribution), v, i)
-        self._check_limits(target, v, text)
+        low, high = target.between(distribution.limits)
+        least = -np.inf if v.min is None else v.min
+        most = np.inf if v.max is None else v.max
+        if not (low >= least and high <= most):
+            unit = f" {v.unit}" if v.unit not in (None, "1") else ""
+            read = f"{point.element}.{v.element_name(i)} is drawn from [{low:g}, {high:g}]{unit}"
+            raise Misfit(read, f"values in its range [{least:g}, {most:g}]{unit}")
         return target
 
     def _scaled(self, vary: Vary, t: Target, v: Variable, i: int) -> Target:
@@ -232,7 +233,7 @@ class Places:
                 raise Misfit(f"relative, with the unit {vary.unit!r}", "a factor without unit")
             base = float(self.start(t.name).reshape(-1)[i])
             if not np.isfinite(base):
-                raise Misfit("relative to a start value that nothing says", "a distribution of it")
+                raise Misfit("relative to a start value that is not known", "a distribution of it")
             return Target(t.name, i, t.distribution, base)
         wanted = v.unit_of_element(i)
         if vary.unit is None or wanted is None or vary.unit == wanted:
@@ -243,19 +244,9 @@ class Places:
             raise Misfit(f"the unit {vary.unit!r}", f"{wanted!r} or a unit of its kind")
         return Target(t.name, i, t.distribution, *pair)
 
-    def _check_limits(self, t: Target, v: Variable, text: str) -> None:
-        low, high = t.between(t.distribution.limits)
-        least = -np.inf if v.min is None else v.min
-        most = np.inf if v.max is None else v.max
-        if low >= least and high <= most:
-            return
-        unit = f" {v.unit}" if v.unit not in (None, "1") else ""
-        raise Misfit(f"{text} is drawn from [{low:g}, {high:g}]{unit}",
-                     f"values in its range [{least:g}, {most:g}]{unit}")  # fmt: skip
-
 
 def resolved(places: Places, parameters: Iterable[Vary]) -> tuple[list[Quantity], list[Problem]]:
-    """Return the draws that parameters stand for in a system, and every problem."""
+    """Return the draws of parameters in a system, and every problem."""
     quantities: list[Quantity] = []
     problems: list[Problem] = []
     owner: dict[tuple[str, int], tuple[int, str]] = {}

@@ -10,9 +10,8 @@ from typing import Any, final
 import numpy as np
 from numpy.typing import NDArray
 
-from uuvsim_cosim.envs.task.channel import Channel
 from uuvsim_cosim.envs.task.episode_draws import Draws
-from uuvsim_cosim.envs.task.task import Array, Mask, Moment, Randomised, Task
+from uuvsim_cosim.envs.task.task import Array, Channel, Mask, Moment, Randomised, Task
 from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.orchestrator.system.system import System
 

@@ -1,10 +1,10 @@
-"""Signals by name: the variables that a task reads, as rows of one array."""
+"""Signals by name: the variables that a task reads, as rows of one array, and moments of them."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, final
+from typing import Any, TypeVar, final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +15,7 @@ from uuvsim_cosim.orchestrator.plan.plan import Plan
 from uuvsim_cosim.orchestrator.values.endpoints import resolve_endpoint
 from uuvsim_cosim.orchestrator.values.values import Misfit
 
-__all__ = ["Named", "Signals", "refuse", "resolved"]
+__all__ = ["Instant", "Named", "Signals", "mixed", "refuse", "resolved", "variables_of"]
 
 Array = NDArray[np.float64]
 # A view: its rows, its shape, and the type of the variable unless it is float64.
@@ -32,6 +32,13 @@ class Named:
     variable: Variable
     elements: tuple[int, ...]
     shape: tuple[int, ...]
+
+
+def variables_of(plan: Plan) -> Mapping[str, Variable]:
+    """Return the variables of a plan by path and name, "hull.eta"."""
+    return {
+        f"{c.path}.{v.name}": v for c in plan.components for v in c.description.variables.values()
+    }
 
 
 def resolved(plan: Plan, name: str) -> Named:
@@ -59,7 +66,7 @@ class Signals:
     """Variables in rows of an array of shape (size, n), and views of them by name."""
 
     def __init__(self, plan: Plan, names: Iterable[str]) -> None:
-        self._plan = plan
+        self.plan = plan
         self._first: dict[str, int] = {}
         self.size = 0
         self.problems: list[Problem] = []
@@ -85,10 +92,20 @@ class Signals:
 
     def view(self, values: Array, name: str) -> NDArray[Any]:
         """Return a signal, of shape (n, *shape); raises InputInvalid for one that is not read."""
-        found = self._views.get(name)
-        if found is None:
-            found = self._views[name] = self._found(name)
-        rows, shape, type_ = found
+        if name not in self._views:
+            try:
+                named = resolved(self.plan, name)
+            except Misfit as misfit:
+                raise InputInvalid(str(misfit.at(f"signal {name!r}"))) from None
+            if named.key not in self._first:
+                read = f"is not read by this task, which reads {', '.join(self._first) or 'none'}"
+                raise InputInvalid(f"signal {name!r}", read, "it among the task's signals=")
+            index = self.rows(named)
+            # A slice of consecutive rows is a view of the values, where an index would be a copy.
+            consecutive = len(index) > 0 and bool(np.all(np.diff(index) == 1))
+            chosen = slice(int(index[0]), int(index[-1]) + 1) if consecutive else index
+            self._views[name] = chosen, named.shape, _TYPES.get(named.variable.type)
+        rows, shape, type_ = self._views[name]
         n = values.shape[1]
         part = values[rows]
         if shape == ():
@@ -99,19 +116,78 @@ class Signals:
             part = np.moveaxis(part.reshape(*shape, n), -1, 0)
         return part if type_ is None else part.astype(type_)
 
-    def _found(self, name: str) -> View:
-        try:
-            named = resolved(self._plan, name)
-        except Misfit as misfit:
-            raise InputInvalid(str(misfit.at(f"signal {name!r}"))) from None
-        if named.key not in self._first:
-            raise InputInvalid(
-                f"signal {name!r}",
-                f"is not read by this task, which reads {', '.join(self._first) or 'none'}",
-                "it among the task's signals=",
+
+T = TypeVar("T", bound=np.generic)
+
+
+def mixed(old: NDArray[T], new: NDArray[T], rows: NDArray[np.intp]) -> NDArray[T]:
+    """Copy values (…, n) of all environments, with the new ones of some."""
+    both = old.copy()
+    both[..., rows] = new[..., rows]
+    return both
+
+
+@final
+class Instant:
+    """The `Moment` protocol over an array of signals, of shape (size, n)."""
+
+    __slots__ = ("_before", "_fresh", "_seconds", "_signals", "action", "start", "step", "values")
+
+    def __init__(
+        self,
+        signals: Signals,
+        values: Array,
+        step: NDArray[np.int64],
+        seconds: tuple[int, int],
+        action: Mapping[str, Array],
+        start: Mapping[str, Array],
+        before: Instant | None = None,
+        fresh: NDArray[np.intp] | None = None,
+    ) -> None:
+        values.flags.writeable = False
+        self._signals = signals
+        self.values = values
+        self.step = step
+        self._seconds = seconds  # of an action, as numerator and denominator
+        self.action = action
+        self.start = start
+        self._before = before
+        self._fresh = fresh  # episodes that have begun since `before`
+
+    @property
+    def n(self) -> int:
+        """The number of environments."""
+        return len(self.step)
+
+    @property
+    def time(self) -> Array:
+        """The seconds since the reset, of shape (n,)."""
+        numerator, denominator = self._seconds
+        return np.asarray(self.step * numerator / denominator)
+
+    @property
+    def before(self) -> Instant:
+        """The moment when the action began; after a reset this moment itself."""
+        if self._before is None:
+            return self
+        if self._fresh is not None:
+            old, fresh = self._before, self._fresh
+            self._before = Instant(
+                self._signals,
+                mixed(old.values, self.values, fresh),
+                mixed(old.step, self.step, fresh),
+                self._seconds,
+                {k: mixed(a.T, self.action[k].T, fresh).T for k, a in old.action.items()},
+                self.start,
             )
-        rows = self.rows(named)
-        # A slice of consecutive rows is a view of the values, where an index would be a copy.
-        consecutive = len(rows) > 0 and bool(np.all(np.diff(rows) == 1))
-        part = slice(int(rows[0]), int(rows[-1]) + 1) if consecutive else rows
-        return part, named.shape, _TYPES.get(named.variable.type)
+            self._fresh = None
+        return self._before
+
+    def __getitem__(self, name: str) -> NDArray[Any]:
+        """Return a signal of the task, in the variable's own unit, of shape (n, *shape)."""
+        return self._signals.view(self.values, name)
+
+    def alone(self) -> Instant:
+        """Forget the moment before, so that no chain of moments is kept in memory."""
+        self._before = self._fresh = None
+        return self

@@ -8,27 +8,77 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
 from fractions import Fraction
 from typing import TYPE_CHECKING, Protocol, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
-from uuvsim_cosim.envs.task.argument_checks import seconds
-from uuvsim_cosim.envs.task.channel import Channel
+from uuvsim_cosim.envs.task.checks import seconds
 from uuvsim_cosim.envs.task.episode_draws import Draws
-from uuvsim_cosim.envs.task.symmetry import Symmetry
 from uuvsim_cosim.errors import InputInvalid
 
 if TYPE_CHECKING:
     from uuvsim_cosim.envs.pictures.picture import View
     from uuvsim_cosim.orchestrator.system.system import System
 
-__all__ = ["Moment", "Randomised", "Task", "TeamTask"]
+__all__ = ["Channel", "Moment", "Randomised", "Symmetry", "Task", "TeamTask"]
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 T = TypeVar("T")
+
+
+@dataclass(frozen=True)
+class Channel:
+    """A connector in an action or an observation: ``Channel("allocation.tau_d[1]", -40, 40, "N")``.
+
+    `name` is the path of a connector, one element (from 1) or a slice ("hull.eta[1:3]"). `low` and
+    `high`, one number for all elements or one for each, in `unit`, are scaled to -1 and 1; the
+    default are the limits of the variable. An observation without limits is not scaled. `unit` is
+    by default that of the variable, and must be convertible to it. With `sin_cos`, an angle is
+    observed as sine and cosine, without a jump at pi.
+    """
+
+    name: str
+    low: float | Sequence[float] | None = None
+    high: float | Sequence[float] | None = None
+    unit: str | None = None
+    sin_cos: bool = False
+
+
+@dataclass(frozen=True, init=False, eq=False)
+class Symmetry:
+    """Factors, each 1 or -1, of an observation (width,) and of an action (width,).
+
+    Raises InputInvalid for other numbers.
+    """
+
+    name: str
+    observation: Array = field(repr=False)
+    action: Array = field(repr=False)
+
+    def __init__(self, name: str, observation: ArrayLike, action: ArrayLike) -> None:
+        for what, given in (("observation", observation), ("action", action)):
+            try:
+                signs = np.array(given, np.float64)
+                wrong = signs.ndim != 1 or not np.isin(signs, (1.0, -1.0)).all()
+            except (TypeError, ValueError):
+                wrong = True
+            if wrong:
+                raise InputInvalid(
+                    f"symmetry {name!r}, {what}", f"{given!r}", "a row of signs, each 1 or -1"
+                )
+            object.__setattr__(self, what, signs)
+        object.__setattr__(self, "name", name)
+
+    def check(self, observed: int, acted: int) -> None:
+        """Raise InputInvalid unless it is of observations and actions of these widths."""
+        of = {"observation": (self.observation, observed), "action": (self.action, acted)}
+        for what, (signs, width) in of.items():
+            if len(signs) != width:
+                raise InputInvalid(f"symmetry {self.name!r}, {what}", f"{len(signs)} signs", width)
 
 
 class Moment(Protocol):
@@ -196,7 +246,7 @@ class TeamTask(_Common, ABC):
             raise InputInvalid(f"agents {self.agents}", "at least one, each named once")
         if set(actions) != set(self.agents):
             expected = f"actions for each of the agents {', '.join(self.agents)}, and no others"
-            raise InputInvalid(f"actions for {', '.join(actions) or 'nobody'}", expected)
+            raise InputInvalid(f"actions for {', '.join(actions) or 'no agent'}", expected)
         self.actions = {a: _channels(actions[a], f"actions of {a!r}") for a in self.agents}
 
     @abstractmethod

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from uuvsim_cosim.envs.tasks.scripted import scripted_policy
     from uuvsim_cosim.envs.tasks.station_keeping import StationKeeping
     from uuvsim_cosim.envs.tasks.target_tracking import TargetTracking
-    from uuvsim_cosim.envs.tasks.tracking_rules import TrackingRules
+    from uuvsim_cosim.envs.tasks.tracking_reward import TrackingRules
     from uuvsim_cosim.envs.tasks.trajectory import TrajectoryFollowing
 
 __all__ = [
@@ -38,7 +38,7 @@ __getattr__, __dir__ = lazy(
         "DisturbanceRejection": "disturbance",
         "StationKeeping": "station_keeping",
         "TargetTracking": "target_tracking",
-        "TrackingRules": "tracking_rules",
+        "TrackingRules": "tracking_reward",
         "TrajectoryFollowing": "trajectory",
         "evaluate": "evaluation",
         "scripted_policy": "scripted",

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uuvsim_cosim.envs.task.episode_draws import Draws
-from uuvsim_cosim.envs.task.task import Moment
+from uuvsim_cosim.envs.task.task import Array, Moment
 from uuvsim_cosim.envs.tasks.coordinates import in_body
 from uuvsim_cosim.envs.tasks.pose import PoseTask
 from uuvsim_cosim.envs.tasks.ranges import pair, within
@@ -22,7 +22,6 @@ from uuvsim_cosim.scene.shared.ray_casting import Caster
 
 __all__ = ["FIRST", "AltitudeFollowing"]
 
-Array = NDArray[np.float64]
 AHEAD = np.pi / 4  # rad, by which the second beam looks forward
 PLACE = (0.15, 0.0, 0.10)  # m, of both in b (models/sensors/ping)
 WIDTH = np.radians(25.0)  # of both beams (models/sensors/ping)

@@ -6,16 +6,14 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from uuvsim_cosim.envs.task.episode_draws import Draws
-from uuvsim_cosim.envs.task.task import Moment
+from uuvsim_cosim.envs.task.task import Array, Moment
 from uuvsim_cosim.envs.tasks.ranges import whole, within
 from uuvsim_cosim.envs.tasks.station_keeping import StationKeeping
 
 __all__ = ["DisturbanceRejection"]
 
-Array = NDArray[np.float64]
 RAMPS = 3
 THRUSTERS = 8
 

@@ -7,7 +7,6 @@ draws all disturbances, and the hull, for each episode: for training with domain
 from __future__ import annotations
 
 from collections.abc import Mapping
-from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -17,10 +16,9 @@ from uuvsim_cosim.envs.randomisation.distributions import Uniform
 from uuvsim_cosim.envs.randomisation.randomisation import Randomisation, Vary
 from uuvsim_cosim.envs.task.episode_draws import Draws
 from uuvsim_cosim.envs.tasks.ranges import flag, within
-from uuvsim_cosim.envs.tasks.target_tracking import TargetTracking
+from uuvsim_cosim.envs.tasks.target_tracking import TargetTracking, tracking_system
 from uuvsim_cosim.models.declaration.preset import preset
-from uuvsim_cosim.orchestrator.shipped.tracking import LATENCY, target_tracking
-from uuvsim_cosim.orchestrator.system.system import System
+from uuvsim_cosim.orchestrator.shipped.tracking import LATENCY
 
 __all__ = ["Disturbed"]
 
@@ -58,12 +56,27 @@ class Disturbed(TargetTracking):
         self.randomise = flag("randomise", randomise)
         deviation = within("noise [m]", noise, 0, np.inf)
         if self.randomise:
-            options.setdefault("randomisation", _hulls(n_trackers))
+            ranges = {"M_A": ADDED_MASS, "D_l": DRAG, "D_q": DRAG}
+            hulls = Randomisation(
+                Vary(f"tracker_{i}.hull.{name}_{k}{k}", Uniform(*ranges[name]), relative=True)
+                for i in range(1, n_trackers + 1)
+                for name in ranges
+                for k in range(1, 7)
+            )
+            options.setdefault("randomisation", hulls)
         # A delay, so that the system always has links: all disturbances share one kernel.
         super().__init__(n_trackers, delay=LATENCY, **options)
         self.noise = deviation
         motion = "random_heading" if self.motion == "rest" else self.motion
-        self.system = _system(self.n_trackers, self.vehicle, motion, self.n_obstacles)
+        # Links that transmit in every tick, so that delays can be 0.
+        self.system = tracking_system(
+            self.n_trackers,
+            vehicle=self.vehicle,
+            motion=motion,
+            obstacles=self.n_obstacles,
+            links=True,
+            link_period="0.02",
+        )
 
     def start(self, draws: Draws) -> Mapping[str, Array]:
         """Draw a legal start, and the disturbances."""
@@ -86,22 +99,3 @@ class Disturbed(TargetTracking):
             for i in range(1, 9):  # thrust goes with the square of the flow
                 start[f"{agent}.thruster_{i}.Q_max"] = np.sqrt(thrust) * Q_max
         return start
-
-
-@lru_cache(maxsize=8)
-def _system(n: int, vehicle: str, motion: str, obstacles: int) -> System:
-    """Return the task's system with links that transmit in every tick, so delays can be 0."""
-    return target_tracking(
-        n, vehicle=vehicle, motion=motion, obstacles=obstacles, links=True, link_period="0.02"
-    )
-
-
-def _hulls(n: int) -> Randomisation:
-    axes = ("11", "22", "33", "44", "55", "66")
-    ranges = {"M_A": ADDED_MASS, "D_l": DRAG, "D_q": DRAG}
-    return Randomisation(
-        Vary(f"tracker_{i}.hull.{name}_{axis}", Uniform(*ranges[name]), relative=True)
-        for i in range(1, n + 1)
-        for name in ranges
-        for axis in axes
-    )

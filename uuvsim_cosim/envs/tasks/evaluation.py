@@ -2,23 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import closing
 from dataclasses import dataclass
+from itertools import islice
 
 import numpy as np
 from numpy.typing import NDArray
 
-from uuvsim_cosim.envs.episodes.multi_agent import TeamStage
-from uuvsim_cosim.envs.episodes.single_agent import Stage
+from uuvsim_cosim.envs.episodes.multi_agent import TeamSimulation
+from uuvsim_cosim.envs.episodes.single_agent import TaskSimulation
 from uuvsim_cosim.envs.plants.choice import Backend
-from uuvsim_cosim.envs.task.task import Task, TeamTask
+from uuvsim_cosim.envs.task.task import Array, Mask, Task, TeamTask
 from uuvsim_cosim.envs.tasks.scripted import Policies, Policy
 from uuvsim_cosim.errors import InputInvalid
 
 __all__ = ["Evaluation", "evaluate"]
 
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
+Outcome = tuple[Array, Mask, Mapping[str, NDArray[np.generic]]]  # rewards, ended, infos of a step
 
 
 @dataclass(frozen=True)
@@ -57,38 +58,33 @@ def evaluate(
     """
     if episodes < 1:
         raise InputInvalid(f"{episodes} episodes", "at least 1")
-    stage: _Single | _Team
+    seeds = [seed + i for i in range(episodes)]
+    steps: Iterator[Outcome]
     if isinstance(task, TeamTask):
         if not isinstance(policy, Mapping) or set(policy) != set(task.agents):
             raise InputInvalid(f"expected a policy for each of {', '.join(task.agents)}")
-        stage = _Team(TeamStage(task, episodes, backend=backend, threads=threads), policy)
+        team = TeamSimulation(task, episodes, backend=backend, threads=threads)
+        running, steps = team.episodes, _steps_of_team(team, policy, seeds)
     else:
         if isinstance(policy, Mapping):
             raise InputInvalid("policies by agent for a task of one", "one policy")
-        stage = _Single(Stage(task, episodes, backend=backend, threads=threads), policy)
+        alone = TaskSimulation(task, episodes, backend=backend, threads=threads)
+        running, steps = alone.episodes, _steps_alone(alone, policy, seeds)
     for one in policy.values() if isinstance(policy, Mapping) else (policy,):
         if (begin := getattr(one, "begin", None)) is not None:
             begin()  # a policy with a memory
-    try:
-        return _run(task, stage, [seed + i for i in range(episodes)])
-    finally:
-        stage.stage.episodes.close()
-
-
-def _run(task: Task | TeamTask, stage: _Single | _Team, seeds: list[int]) -> Evaluation:
-    n, steps = len(seeds), int(task.horizon / task.action_step)
-    stage.reset(seeds)
+    n = episodes
     returns, alive, length = np.zeros(n), np.ones(n, bool), np.zeros(n, int)
     rows: list[tuple[Mask, Mapping[str, NDArray[np.generic]]]] = []
-    for _ in range(steps):
-        reward, ended, info = stage.step()
-        returns += np.where(alive, reward, 0.0)
-        length += alive
-        numbers = {k: np.asarray(v, float) for k, v in info.items() if np.shape(v) == (n,)}
-        rows.append((alive, numbers))
-        alive = alive & ~ended
-        if not alive.any():
-            break
+    with closing(running):
+        for reward, ended, info in islice(steps, int(task.horizon / task.action_step)):
+            returns += np.where(alive, reward, 0.0)
+            length += alive
+            numbers = {k: np.asarray(v, float) for k, v in info.items() if np.shape(v) == (n,)}
+            rows.append((alive, numbers))
+            alive = alive & ~ended
+            if not alive.any():
+                break
     metrics = {}
     for name in rows[0][1]:
         counted = np.stack([was & (2 * k >= length - 1) for k, (was, _) in enumerate(rows)])
@@ -97,28 +93,21 @@ def _run(task: Task | TeamTask, stage: _Single | _Team, seeds: list[int]) -> Eva
     return Evaluation(returns, length * float(task.action_step), metrics)
 
 
-class _Single:
-    def __init__(self, stage: Stage, policy: Policy) -> None:
-        self.stage, self.policy = stage, policy
-
-    def reset(self, seeds: list[int]) -> None:
-        self.m = self.stage.episodes.reset(seeds=seeds)
-
-    def step(self) -> tuple[Array, Mask, Mapping[str, NDArray[np.generic]]]:
-        stage = self.stage
-        self.m = m = stage.act(self.policy(stage.observe(self.m)))
-        return stage.reward(m), stage.terminated(m) | stage.episodes.over, stage.info(m)
+def _steps_alone(
+    simulation: TaskSimulation, policy: Policy, seeds: Sequence[int]
+) -> Iterator[Outcome]:
+    m = simulation.episodes.reset(seeds=seeds)
+    while True:
+        m = simulation.act(policy(simulation.observe(m)))
+        ended = simulation.terminated(m) | simulation.episodes.over
+        yield simulation.reward(m), ended, simulation.info(m)
 
 
-class _Team:
-    def __init__(self, stage: TeamStage, policies: Mapping[str, Policy]) -> None:
-        self.stage, self.policies = stage, policies
-
-    def reset(self, seeds: list[int]) -> None:
-        self.m = self.stage.reset(seeds=seeds)
-
-    def step(self) -> tuple[Array, Mask, Mapping[str, NDArray[np.generic]]]:
-        acts = {agent: act(self.m.observation[agent]) for agent, act in self.policies.items()}
-        self.m = m = self.stage.act(acts)
+def _steps_of_team(
+    simulation: TeamSimulation, policies: Mapping[str, Policy], seeds: Sequence[int]
+) -> Iterator[Outcome]:
+    m = simulation.reset(seeds=seeds)
+    while True:
+        m = simulation.act({agent: act(m.observation[agent]) for agent, act in policies.items()})
         count = np.maximum(m.acted.sum(axis=1), 1)
-        return m.reward.sum(axis=1) / count, m.over, self.stage.task.info(m.moment)
+        yield m.reward.sum(axis=1) / count, m.over, simulation.task.info(m.moment)

@@ -12,12 +12,9 @@ from functools import lru_cache
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from uuvsim_cosim.envs.task.channel import Channel
 from uuvsim_cosim.envs.task.episode_draws import Draws
-from uuvsim_cosim.envs.task.symmetry import Symmetry
-from uuvsim_cosim.envs.task.task import Moment
+from uuvsim_cosim.envs.task.task import Array, Channel, Moment, Symmetry
 from uuvsim_cosim.envs.tasks.ranges import flag, within
 from uuvsim_cosim.envs.tasks.target_tracking import A_MAX, OMEGA_MAX, TargetTracking
 from uuvsim_cosim.envs.tasks.tracking_observation import Seen
@@ -26,11 +23,9 @@ from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.models.declaration.preset import preset
 from uuvsim_cosim.orchestrator.shipped.pool import PACKET, pool_tracking
 from uuvsim_cosim.orchestrator.shipped.tracking import DEPTH, NOISE
-from uuvsim_cosim.orchestrator.system.system import System
 
 __all__ = ["PoolTracking"]
 
-Array = NDArray[np.float64]
 FIXED = ("n_trackers", "n_obstacles", "vehicle", "delay", "knowledge_range", "arena")
 ESTIMATE = (0.02, 0.02, 0.01, 0.0, 0.0, 0.03)  # deviations of the estimated start, m, rad
 
@@ -57,7 +52,8 @@ class PoolTracking(TargetTracking):
         self.noise, self.loss = within("noise [m]", noise, 0, np.inf), within("loss", loss, 0, 1)
         self.thrust = within("thrust", thrust, 1e-3, 2)
         self.predicted = flag("predicted", predicted)
-        self.system = _system(self.motion)
+        motion = "random_heading" if self.motion == "rest" else self.motion
+        self.system = _system("model:pilot?vehicle=pool8&period=1/50", motion)
         self.actions = {
             "tracker_1": (
                 Channel("pilot.a", -A_MAX, A_MAX, "m/s2"),
@@ -128,8 +124,5 @@ class PoolTracking(TargetTracking):
         return np.where(heard, m["radio.y_2"][:, 3:5], m["predictor.now"][:, :2])
 
 
-@lru_cache(maxsize=4)
-def _system(motion: str) -> System:
-    """Return the system with a plain pilot, cached by arguments: its kernel is made once."""
-    moves = "random_heading" if motion == "rest" else motion
-    return pool_tracking("model:pilot?vehicle=pool8&period=1/50", moves)
+# Equal arguments give the same system, so that its kernel is made once.
+_system = lru_cache(maxsize=4)(pool_tracking)

@@ -12,9 +12,8 @@ from numpy.typing import NDArray
 
 from uuvsim_cosim.envs.randomisation.published import published, thruster_strength
 from uuvsim_cosim.envs.randomisation.randomisation import Randomisation
-from uuvsim_cosim.envs.task.channel import Channel
 from uuvsim_cosim.envs.task.episode_draws import Draws
-from uuvsim_cosim.envs.task.task import Moment, Randomised, Task
+from uuvsim_cosim.envs.task.task import Array, Channel, Moment, Randomised, Task
 from uuvsim_cosim.envs.tasks.coordinates import R_zyx, in_body, wrap
 from uuvsim_cosim.envs.tasks.ranges import flag, known_options, one_of, pair, randomised, within
 from uuvsim_cosim.orchestrator.shipped.tasks import THRUSTERS, ActedOn, Observed, task_system
@@ -25,7 +24,6 @@ if TYPE_CHECKING:
 
 __all__ = ["FORCE", "SPEED", "PoseTask", "published_vehicle"]
 
-Array = NDArray[np.float64]
 
 # X Y Z [N], K M N [N.m]: what eight T200 give in one axis at a time, less a margin for the
 # others (models/controllers/bluerov2_pid/controller.yaml, tau_max).
@@ -83,18 +81,27 @@ class PoseTask(Task, ABC):
             randomisation = published_vehicle(system)
         if isinstance(randomisation, Randomisation):
             randomisation = randomisation.bound(system)
+        if action == "force":
+            channels = [Channel("allocation.tau_d", [-f for f in FORCE], FORCE)]
+        elif action == "thrusters":
+            channels = [Channel(f"{name}.u") for name in THRUSTERS]
+        else:
+            names = ("nu_d[1]", "nu_d[2]", "nu_d[3]", "nu_d[6]")
+            channels = [
+                Channel(f"controller.{n}", -s, s) for n, s in zip(names, SPEED, strict=True)
+            ]
+        self.known = known
+        self._water = "ramps.v_c" if disturbances else "current.v_c"
         super().__init__(
             system,
-            actions=_channels(action),
+            actions=channels,
             observations=(),
             action_step="0.1",
             horizon=horizon,
             signals=(*dict.fromkeys(("hull.eta", "hull.nu", f"{known}.eta", f"{known}.nu")),
-                     "ramps.v_c" if disturbances else "current.v_c", *signals),
+                     self._water, *signals),
             randomisation=randomisation,
         )  # fmt: skip
-        self.known = known
-        self._water = "ramps.v_c" if disturbances else "current.v_c"
         self._width = sum(6 if c.name.endswith("tau_d") else 1 for c in self.actions)
 
     # ---- for a task to override -----------------------------------------------------------
@@ -231,12 +238,3 @@ class PoseTask(Task, ABC):
 def published_vehicle(system: System) -> Randomisation:
     """Return the randomisation of `randomise`: hull within published figures, weak thrusters."""
     return published("bluerov2_heavy").bound(system) + thruster_strength(system).bound(system)
-
-
-def _channels(action: ActedOn) -> tuple[Channel, ...]:
-    if action == "force":
-        return (Channel("allocation.tau_d", [-f for f in FORCE], FORCE),)
-    if action == "thrusters":
-        return tuple(Channel(f"{name}.u") for name in THRUSTERS)
-    names = ("nu_d[1]", "nu_d[2]", "nu_d[3]", "nu_d[6]")
-    return tuple(Channel(f"controller.{n}", -s, s) for n, s in zip(names, SPEED, strict=True))

@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterator, Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from uuvsim_cosim.envs.task.task import Task, TeamTask
+from uuvsim_cosim.envs.task.task import Array, Task, TeamTask
 from uuvsim_cosim.envs.tasks.altitude_following import FIRST, AltitudeFollowing
 from uuvsim_cosim.envs.tasks.pose import FORCE, SPEED, PoseTask
 from uuvsim_cosim.envs.tasks.target_tracking import A_MAX, OMEGA_MAX, V_MAX, TargetTracking
@@ -28,7 +28,6 @@ __all__ = [
     "with_slope",
 ]
 
-Array = NDArray[np.float64]
 Policy = Callable[[NDArray[np.generic]], Array]
 Policies = Policy | Mapping[str, Policy]  # of one agent, or by agent of a team
 
@@ -134,7 +133,12 @@ def track_target(
         side = np.column_stack([place[:, 1], -place[:, 0]])  # around it where the target is
         side *= np.where(np.sum(side * bearing, axis=1) < 0, -1.0, 1.0)[:, None]
         v += strength[:, None] * (AROUND * side - OUTWARD * place)
-    v += _from_walls(o, arena)
+    # Away from walls nearer than WALL, turned into body axes.
+    half = np.array(arena[:2]) / 2
+    space = half - np.abs(o[:, :2]) * half
+    push = -np.sign(o[:, :2]) * 0.5 * np.clip(1.0 - space / WALL, 0.0, 1.0)
+    c, s = o[:, 2], o[:, 3]
+    v += np.column_stack([c * push[:, 0] + s * push[:, 1], c * push[:, 1] - s * push[:, 0]])
     speed = np.sqrt(v[:, 0] ** 2 + v[:, 1] ** 2)
     v *= np.minimum(1.0, V_MAX / np.maximum(speed, 1e-6))[:, None]
     course = np.arctan2(v[:, 1], v[:, 0])
@@ -169,12 +173,3 @@ def _braked(u: Array, hazards: list[tuple[Array, ...]]) -> Array:
         high = np.where((there > 0) & (along > 0.15), np.minimum(high, bound), high)
         low = np.where((there > 0) & (along < -0.15), np.maximum(low, bound), low)
     return np.where(low < high, np.clip(u, low, high), 0.5 * (low + high))
-
-
-def _from_walls(o: Array, arena: tuple[float, ...]) -> Array:
-    """Return a velocity away from walls nearer than 0.35 m, in body axes."""
-    half = np.array(arena[:2]) / 2
-    room = half - np.abs(o[:, :2]) * half
-    push = -np.sign(o[:, :2]) * 0.5 * np.clip(1.0 - room / WALL, 0.0, 1.0)
-    c, s = o[:, 2], o[:, 3]
-    return np.column_stack([c * push[:, 0] + s * push[:, 1], c * push[:, 1] - s * push[:, 0]])

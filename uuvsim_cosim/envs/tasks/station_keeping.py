@@ -6,16 +6,13 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from uuvsim_cosim.envs.task.episode_draws import Draws
-from uuvsim_cosim.envs.task.task import Moment
+from uuvsim_cosim.envs.task.task import Array, Moment
 from uuvsim_cosim.envs.tasks.pose import PoseTask
 from uuvsim_cosim.envs.tasks.ranges import within
 
 __all__ = ["StationKeeping"]
-
-Array = NDArray[np.float64]
 
 
 class StationKeeping(PoseTask):

@@ -1,6 +1,6 @@
 """Target tracking: N vehicles in a pool follow a moving target, without collisions.
 
-State (5), action (6) and reward (7) of the UUVSim paper; `tracking_rules` holds its numbers, and
+State (5), action (6) and reward (7) of the UUVSim paper; `tracking_reward` holds its numbers, and
 docs/learning/tasks.md lists the choices that the paper leaves open.
 """
 
@@ -14,14 +14,11 @@ from typing import TYPE_CHECKING, Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from uuvsim_cosim.envs.task.channel import Channel
 from uuvsim_cosim.envs.task.episode_draws import Draws
-from uuvsim_cosim.envs.task.symmetry import Symmetry
-from uuvsim_cosim.envs.task.task import Moment, Randomised, TeamTask
+from uuvsim_cosim.envs.task.task import Array, Channel, Mask, Moment, Randomised, Symmetry, TeamTask
 from uuvsim_cosim.envs.tasks.ranges import known_options, numbers, one_of, randomised, whole, within
 from uuvsim_cosim.envs.tasks.tracking_observation import Seen, egocentric, largest, symmetries
-from uuvsim_cosim.envs.tasks.tracking_reward import Scene, Terms, reward_terms
-from uuvsim_cosim.envs.tasks.tracking_rules import rules_of
+from uuvsim_cosim.envs.tasks.tracking_reward import Scene, Terms, reward_terms, rules_of
 from uuvsim_cosim.envs.tasks.tracking_start import Arena, drawn_scene, waypoints
 from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.orchestrator.shipped.tracking import (
@@ -32,15 +29,12 @@ from uuvsim_cosim.orchestrator.shipped.tracking import (
     TRACKERS_MAX,
     target_tracking,
 )
-from uuvsim_cosim.orchestrator.system.system import System
 
 if TYPE_CHECKING:
     from uuvsim_cosim.envs.pictures.picture import View
 
-__all__ = ["TargetTracking"]
+__all__ = ["TargetTracking", "tracking_system"]
 
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 A_MAX, OMEGA_MAX, V_MAX = 0.4, 1.5, 0.4  # m/s2, rad/s, m/s: the preset tracking_pilot
 Motion = Literal["random_heading", "flee", "path", "rest"]
 
@@ -100,25 +94,46 @@ class TargetTracking(TeamTask):
         )
         speed = within("target_speed [m/s]", target_speed, 0, np.inf)
         self.target_speed = 0.0 if motion == "rest" else speed
-        self.slots = self._slots_of(slots)
+        least = (self.n_trackers - 1, self.n_obstacles)
+        if slots is None:
+            slots = max(1, least[0]), max(2, least[1])
+        if not isinstance(slots, Sequence) or isinstance(slots, str) or len(slots) != 2:
+            expected = f"two numbers, of other trackers and of obstacles, at least {least}"
+            raise InputInvalid("slots", f"{slots!r}", expected)
+        self.slots = (
+            whole("slots, other trackers", slots[0], least[0]),
+            whole("slots, obstacles", slots[1], least[1]),
+        )
         numbers("arena [m]", arena, ("N", "E", "D"), 1e-9)
         agents = [f"tracker_{i}" for i in range(1, self.n_trackers + 1)]
+        signals, shared = ["hull.eta", "hull.nu", "pilot.nu_d"], ["target.position"]
+        a, omega = "pilot.a", "pilot.omega"
+        if self.links:
+            signals.append("positioning.y")
+            shared.append("positioning.y")
+            a, omega = "radio.x[1]", "radio.x[2]"
         radius = TRACKED[vehicle].radius if vehicle in TRACKED else 0.0
         self.arena = Arena(arena, from_wall=radius + 0.1)
         super().__init__(
-            _system(
+            tracking_system(
                 self.n_trackers,
-                vehicle,
-                "random_heading" if motion == "rest" else motion,
-                self.n_obstacles,
-                self.links,
-                tuple(arena),
+                vehicle=vehicle,
+                motion="random_heading" if motion == "rest" else motion,
+                obstacles=self.n_obstacles,
+                links=self.links,
+                arena=tuple(arena),
             ),
             agents=agents,
-            actions={agent: self._channels(agent) for agent in agents},
+            actions={
+                agent: (
+                    Channel(f"{agent}.{a}", -A_MAX, A_MAX, "m/s2"),
+                    Channel(f"{agent}.{omega}", -OMEGA_MAX, OMEGA_MAX, "rad/s"),
+                )
+                for agent in agents
+            },
             action_step=action_step,
             horizon=horizon,
-            signals=self._signals(agents),
+            signals=[*(f"{agent}.{name}" for agent in agents for name in signals), *shared],
             randomisation=randomisation,
         )
         self.stride = V_MAX * float(self.action_step)
@@ -155,11 +170,9 @@ class TargetTracking(TeamTask):
 
     def terminated(self, m: Moment) -> Mapping[str, Mask]:
         """Return the episodes that a collision has ended; none without `end_on_collision`."""
-        if self.rules.end_on_collision:
-            ended = np.asarray(self.terms(m).violated.any(axis=1))
-        else:
-            ended = np.zeros(m.n, bool)
-        return dict.fromkeys(self.agents, ended)
+        ends = self.rules.end_on_collision
+        ended = self.terms(m).violated.any(axis=1) if ends else np.zeros(m.n, bool)
+        return dict.fromkeys(self.agents, np.asarray(ended))
 
     def state(self, m: Moment) -> Array:
         """Return (5): x y theta of each, v_x v_y omega of each, target, obstacles (x y r h)."""
@@ -294,44 +307,6 @@ class TargetTracking(TeamTask):
     def _reaches(self, obstacles: Array) -> Mask:
         return np.asarray(self.arena.size[2] - obstacles[:, :, 3] <= DEPTH)
 
-    def _slots_of(self, given: object) -> tuple[int, int]:
-        least = (self.n_trackers - 1, self.n_obstacles)
-        if given is None:
-            return max(1, least[0]), max(2, least[1])
-        if not isinstance(given, Sequence) or isinstance(given, str) or len(given) != 2:
-            raise InputInvalid(
-                "slots",
-                f"{given!r}",
-                f"two numbers, of other trackers and of obstacles, at least {least}",
-            )
-        names = ("slots, other trackers", "slots, obstacles")
-        others, obstacles = (whole(*x) for x in zip(names, given, least, strict=True))
-        return others, obstacles
 
-    def _channels(self, agent: str) -> list[Channel]:
-        if self.links:
-            return [
-                Channel(f"{agent}.radio.x[1]", -A_MAX, A_MAX, "m/s2"),
-                Channel(f"{agent}.radio.x[2]", -OMEGA_MAX, OMEGA_MAX, "rad/s"),
-            ]
-        return [
-            Channel(f"{agent}.pilot.a", -A_MAX, A_MAX, "m/s2"),
-            Channel(f"{agent}.pilot.omega", -OMEGA_MAX, OMEGA_MAX, "rad/s"),
-        ]
-
-    def _signals(self, agents: list[str]) -> list[str]:
-        names = ["hull.eta", "hull.nu", "pilot.nu_d"]
-        if self.links:
-            names.append("positioning.y")
-        signals = [f"{agent}.{name}" for agent in agents for name in names]
-        return [*signals, "target.position", *(["positioning.y"] if self.links else [])]
-
-
-@lru_cache(maxsize=32)
-def _system(
-    n: int, vehicle: str, motion: str, obstacles: int, links: bool, arena: tuple[float, ...]
-) -> System:
-    """Return the same system for equal arguments, so that its kernel is made once."""
-    return target_tracking(
-        n, vehicle=vehicle, motion=motion, obstacles=obstacles, links=links, arena=arena
-    )
+# Equal arguments give the same system, so that its kernel is made once.
+tracking_system = lru_cache(maxsize=32)(target_tracking)

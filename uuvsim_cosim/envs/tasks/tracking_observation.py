@@ -5,15 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from uuvsim_cosim.envs.task.symmetry import Symmetry
+from uuvsim_cosim.envs.task.task import Array, Mask, Symmetry
 from uuvsim_cosim.envs.tasks.coordinates import level
 
 __all__ = ["OBSTACLE", "OTHER", "OWN", "TARGET", "Seen", "egocentric", "largest", "symmetries"]
 
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 
 OWN = 8  # N and E over half the arena, cos and sin of heading, u v, r, wanted u
 TARGET = 6  # known?, ahead and to starboard [m], distance [m], how it moved over the stride

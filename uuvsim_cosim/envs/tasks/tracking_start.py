@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from uuvsim_cosim.envs.task.episode_draws import Draws
-from uuvsim_cosim.envs.tasks.tracking_rules import TrackingRules
+from uuvsim_cosim.envs.tasks.tracking_reward import TrackingRules
 from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.models.guidance.target import WAYPOINTS
 
@@ -77,14 +76,15 @@ def legal_start(
     """
     n, M = draws.n, radii.shape[1]
     total = M + 1 + n_trackers
-    kinds = [2] * M + [1] + [0] * n_trackers
-    gap = np.zeros((n, total, total))
+    types = np.array([2] * M + [1] + [0] * n_trackers)
+    # Least distances of two types: 0 a tracker, 1 the target, 2 an obstacle.
+    least = np.zeros((3, 3))
+    least[0] = least[:, 0] = np.array([rules.d_su, rules.d_st, rules.d_so]) + arena.clearance
+    least[1, 2] = least[2, 1] = arena.target_clearance
     own = np.zeros((n, total))
     own[:, :M] = radii
-    for i, a in enumerate(kinds):
-        for j, b in enumerate(kinds):
-            gap[:, i, j] = own[:, i] + own[:, j] + _gap(a, b, arena, rules)
-    wall = np.where(np.array(kinds) == 1, arena.target_from_wall, arena.from_wall) + own
+    gap = own[:, :, None] + own[:, None, :] + least[types[:, None], types]
+    wall = np.where(types == 1, arena.target_from_wall, arena.from_wall) + own
     half = np.array(arena.size[:2]) / 2 - wall[:, :, None]
     if np.any(half <= 0):
         raise InputInvalid(f"arena {arena.size[:2]} m", "no room at all", "a larger one")
@@ -112,16 +112,3 @@ def legal_start(
             "fewer, or a larger arena",
         )
     return points[:, M + 1 :], points[:, M], points[:, :M]
-
-
-def _gap(a: int, b: int, arena: Arena, rules: TrackingRules) -> float:
-    """Return the least distance of two types: 0 a tracker, 1 the target, 2 an obstacle."""
-    pair: Sequence[int] = sorted((a, b))
-    gaps = {
-        (0, 0): rules.d_su + arena.clearance,
-        (0, 1): rules.d_st + arena.clearance,
-        (0, 2): rules.d_so + arena.clearance,
-        (1, 2): arena.target_clearance,
-        (2, 2): 0.0,
-    }
-    return gaps.get((pair[0], pair[1]), 0.0)

@@ -6,10 +6,9 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from uuvsim_cosim.envs.task.episode_draws import Draws
-from uuvsim_cosim.envs.task.task import Moment
+from uuvsim_cosim.envs.task.task import Array, Moment
 from uuvsim_cosim.envs.tasks.coordinates import in_body
 from uuvsim_cosim.envs.tasks.pose import PoseTask
 from uuvsim_cosim.envs.tasks.ranges import pair, within
@@ -18,7 +17,6 @@ from uuvsim_cosim.models.guidance.reference import AHEAD
 
 __all__ = ["CURVES", "TrajectoryFollowing"]
 
-Array = NDArray[np.float64]
 CURVES = ("lemniscate", "helix", "line")
 
 

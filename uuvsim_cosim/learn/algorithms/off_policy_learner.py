@@ -9,7 +9,7 @@ from typing import Self, final
 import numpy as np
 from numpy.typing import NDArray
 
-from uuvsim_cosim.envs.task.symmetry import Symmetry
+from uuvsim_cosim.envs.task.task import Symmetry
 from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.learn.algorithms.checkpoint import State, philox_state, set_philox_state, unfit
 from uuvsim_cosim.learn.algorithms.masac import Masac, MasacSettings

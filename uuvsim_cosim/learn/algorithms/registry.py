@@ -11,7 +11,7 @@ from uuvsim_cosim.learn.shared.errors import check_torch
 from uuvsim_cosim.models.declaration.near_names import expected_names
 
 if TYPE_CHECKING:
-    from uuvsim_cosim.envs.task.symmetry import Symmetry
+    from uuvsim_cosim.envs.task.task import Symmetry
     from uuvsim_cosim.learn.algorithms.learner import Learner
 
 __all__ = [

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, final
 import numpy as np
 from numpy.typing import NDArray
 
-from uuvsim_cosim.envs.task.symmetry import Symmetry
+from uuvsim_cosim.envs.task.task import Symmetry
 from uuvsim_cosim.errors import InputInvalid
 
 if TYPE_CHECKING:

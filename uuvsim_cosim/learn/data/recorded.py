@@ -15,8 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from uuvsim_cosim.envs.episodes.spaces import ActionBox, ObservationBox
-from uuvsim_cosim.envs.task.instant import Instant
-from uuvsim_cosim.envs.task.signals import Signals, resolved
+from uuvsim_cosim.envs.task.signals import Instant, Signals, resolved
 from uuvsim_cosim.envs.task.task import Task, TeamTask
 from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.learn.data.dataset import Dataset, Episode

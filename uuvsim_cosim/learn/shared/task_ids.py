@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 
 from uuvsim_cosim.envs.registration import SHIPPED
-from uuvsim_cosim.envs.task.argument_checks import refuse_options
+from uuvsim_cosim.envs.task.checks import refuse_options
 from uuvsim_cosim.envs.task.task import Task, TeamTask
 from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.models.declaration.near_names import expected_names

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any
 
-from uuvsim_cosim.envs.tasks.tracking_rules import PROFILES
+from uuvsim_cosim.envs.tasks.tracking_reward import PROFILES
 from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.learn.algorithms.registry import ALGORITHMS, check_settings
 from uuvsim_cosim.learn.shared.task_ids import TASKS, short_name

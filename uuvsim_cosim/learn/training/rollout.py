@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from uuvsim_cosim.envs.episodes.episodes import AGENT, Episodes
-from uuvsim_cosim.envs.episodes.multi_agent import TeamStage
-from uuvsim_cosim.envs.episodes.single_agent import Stage
+from uuvsim_cosim.envs.episodes.multi_agent import TeamSimulation
+from uuvsim_cosim.envs.episodes.single_agent import TaskSimulation
 from uuvsim_cosim.envs.episodes.spaces import ActionBox
 from uuvsim_cosim.envs.task.task import Task, TeamTask
 from uuvsim_cosim.errors import InputInvalid
@@ -165,7 +165,7 @@ class Rollout:
 
 class _Team:
     def __init__(self, task: TeamTask, n: int, threads: int) -> None:
-        self._stage = TeamStage(task, n, threads=threads)
+        self._stage = TeamSimulation(task, n, threads=threads)
         self.agents = self._stage.agents
         self.episodes: Episodes = self._stage.episodes
         boxes = {self._stage.boxes[a].width for a in self.agents}
@@ -197,7 +197,7 @@ class _Team:
 
 class _Alone:
     def __init__(self, task: Task, n: int, threads: int) -> None:
-        self._stage = Stage(task, n, threads=threads)
+        self._stage = TaskSimulation(task, n, threads=threads)
         self.agents = (AGENT,)
         self.episodes: Episodes = self._stage.episodes
         self.acted = self._stage.action_box.width

@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from uuvsim_cosim.commands.run.live_view import Watched
+from uuvsim_cosim.commands.run.view import Watched
 from uuvsim_cosim.errors import InputInvalid
 
 
@@ -30,7 +30,7 @@ def test_the_page_ends_with_the_replay(monkeypatch: pytest.MonkeyPatch, tmp_path
     served: list[Any] = []
     monkeypatch.setattr("uuvsim_cosim.view.scene3d.scene_of_run.placed", lambda folder: folder)
     monkeypatch.setattr(
-        "uuvsim_cosim.commands.run.live_view.serve", lambda server, *_, **__: served.append(server)
+        "uuvsim_cosim.commands.run.view.serve", lambda server, *_, **__: served.append(server)
     )
     watched = Watched("tank", None, asked=True)
     try:

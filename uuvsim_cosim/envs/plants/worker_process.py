@@ -1,16 +1,22 @@
-"""Requests and answers between a plant and a worker process, each with its number."""
+"""A worker process as its plant sees it: numbered requests and answers, and shared memory."""
 
 from __future__ import annotations
 
 import contextlib
+import mmap
 import os
 import pickle
 import select
+import shutil
 import subprocess
 import sys
+import tempfile
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any, final
+
+import numpy as np
 
 from uuvsim_cosim.errors import (
     ComponentFailed,
@@ -23,7 +29,7 @@ from uuvsim_cosim.errors import (
 if TYPE_CHECKING:
     from uuvsim_cosim.orchestrator.plan.plan import Plan
 
-__all__ = ["Failures", "Job", "WorkerProcess", "receive", "send"]
+__all__ = ["Failures", "Job", "Shared", "WorkerProcess", "receive", "send"]
 
 Failures = Mapping[int, tuple[str, float, str]]  # by row of the worker: path, time [s], reason
 
@@ -31,6 +37,7 @@ _ERRORS: dict[str, type[UuvsimError]] = {
     c.__name__: c for c in (ComponentFailed, FmuError, InputInvalid, LoopNotConverged)
 }
 _GRACE = 5.0  # [s] that a worker is given to free its components
+BY_HANDLE = os.name == "posix"  # children inherit the handle, and the file needs no name
 
 
 @dataclass(frozen=True)
@@ -94,13 +101,16 @@ class WorkerProcess:
             pass_fds=tuple(handles),
             env={**os.environ, "PYTHONPATH": search},
         )
+        assert self._process.stdin is not None
+        assert self._process.stdout is not None
+        self._requests, self._answers = self._process.stdin, self._process.stdout
 
     def send(self, name: str, *arguments: object) -> None:
         """Send a request: the name of a method, and its arguments."""
         try:
             self.torn = True
             self._asked += 1
-            send(self._pipe(self._process.stdin), (self._asked, name, arguments))
+            send(self._requests, (self._asked, name, arguments))
             self.torn = False
         except (BrokenPipeError, ValueError):
             raise self._gone(name) from None
@@ -122,9 +132,8 @@ class WorkerProcess:
 
     def hang_up(self) -> None:
         """Close the requests' pipe, at which the worker ends."""
-        if self._process.stdin is not None:
-            with contextlib.suppress(OSError):
-                self._process.stdin.close()
+        with contextlib.suppress(OSError):
+            self._requests.close()
 
     def end(self, *, now: bool = False) -> None:
         """Wait until the worker has ended; with `now`, kill it."""
@@ -139,21 +148,19 @@ class WorkerProcess:
 
     def forget(self) -> None:
         """Close the pipes."""
-        for pipe in (self._process.stdin, self._process.stdout):
-            if pipe is not None:
-                with contextlib.suppress(OSError):
-                    pipe.close()
+        for pipe in (self._requests, self._answers):
+            with contextlib.suppress(OSError):
+                pipe.close()
 
     def _next(self) -> tuple[int, str | None, Any]:
         """Return the next answer: number of the request, name of an error if any, result."""
         try:
-            pipe = self._pipe(self._process.stdout)
             if os.name == "posix":  # an exception may interrupt this wait without a torn message
                 ready = select.poll()
-                ready.register(pipe, select.POLLIN)
+                ready.register(self._answers, select.POLLIN)
                 ready.poll()
             self.torn = True
-            number, error, result = receive(pipe)
+            number, error, result = receive(self._answers)
             self._answered, self.torn = number, False
         except (EOFError, ValueError):
             raise self._gone("answering") from None
@@ -165,15 +172,77 @@ class WorkerProcess:
             self._process.wait(_GRACE)
         code = self._process.returncode
         how = f"by signal {-code}" if code is not None and code < 0 else f"with status {code}"
-        return UuvsimError(
-            (
-                f"the worker process of environments {self.rows.start} to "
-                f"{self.rows.stop - 1} ended {how} ({doing})"
-            ),
-            "new environments, or a component that does not crash",
-        )
+        worker = f"the worker process of environments {self.rows.start} to {self.rows.stop - 1}"
+        expected = "new environments, or a component that does not crash"
+        return UuvsimError(f"{worker} ended {how} ({doing})", expected)
 
-    @staticmethod
-    def _pipe(pipe: IO[bytes] | None) -> IO[bytes]:
-        assert pipe is not None  # both were made with PIPE
-        return pipe
+
+@final
+class Shared:
+    """Arrays over one mapped file, without a name where children inherit handles.
+
+    So no file remains when a process is killed. `source` is the `key` of another process.
+    """
+
+    def __init__(self, source: int | str | None, n_read: int, n_acted: int, n: int) -> None:
+        parts = (n_read * n, n_acted * n, n, n, n)
+        size = 8 * sum(parts)
+        self.key: int | str
+        self._is_owner = source is None
+        if source is None:
+            self._handle, path = _new(size)
+            self.key = self._handle if BY_HANDLE else path
+        else:
+            self._handle = source if isinstance(source, int) else os.open(source, os.O_RDWR)
+            self.key = source
+        try:
+            self._map = mmap.mmap(self._handle, size)
+        except BaseException:
+            self.release()
+            raise
+        ends = np.cumsum((0, *parts)) * 8
+        doubles = [np.frombuffer(self._map, np.float64, c, int(e))
+                   for c, e in zip(parts, ends, strict=False)]  # fmt: skip
+        self.signals = doubles[0].reshape(n_read, n)
+        self.actions = doubles[1].reshape(n_acted, n)
+        self.seeds = doubles[2].view(np.uint64)
+        self.mask = doubles[3].view(np.uint8)[:n].view(bool)
+        self.failed = doubles[4].view(np.uint8)[:n].view(bool)
+
+    @property
+    def handles(self) -> tuple[int, ...]:
+        """The handles that a child must inherit, until `release`."""
+        return (self._handle,) if BY_HANDLE else ()
+
+    def release(self) -> None:
+        """Close the handle, and delete the file's name if there is one: no process can join."""
+        handle, self._handle = self._handle, -1
+        if handle >= 0:
+            os.close(handle)
+        if isinstance(self.key, str) and self._is_owner:
+            with contextlib.suppress(OSError):
+                os.unlink(self.key)
+
+
+def _new(size: int) -> tuple[int, str]:
+    """Make a file of zeros, in memory where there is such a folder with room for it."""
+    fast = Path("/dev/shm")
+    folders = [fast] if fast.is_dir() and os.access(fast, os.W_OK) else []
+    folders.append(Path(tempfile.gettempdir()))
+    available = {folder: shutil.disk_usage(folder).free for folder in folders}
+    folder = next((f for f in folders if available[f] > size), None)
+    if folder is None:
+        free = ", ".join(f"{n_bytes / 1e9:.3g} GB in {f}" for f, n_bytes in available.items())
+        raise InputInvalid(
+            f"{size / 1e9:.3g} GB of memory to share with processes, where there are {free}",
+            "fewer environments, or more room",
+        )
+    handle, path = tempfile.mkstemp(prefix=f"uuvsim-{os.getpid()}-", dir=folder)
+    try:
+        if BY_HANDLE:
+            os.unlink(path)
+        os.truncate(handle, size)
+    except BaseException:
+        os.close(handle)
+        raise
+    return handle, path

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from uuvsim_cosim.cli import main
-from uuvsim_cosim.commands.shared.out_option import expect_folder
+from uuvsim_cosim.commands.shared.options import expect_folder
 from uuvsim_cosim.errors import InputInvalid
 
 

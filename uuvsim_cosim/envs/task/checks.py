@@ -1,21 +1,35 @@
-"""Checks of the arguments of reset and of constructors: one clear error message each."""
+"""Checks of arguments (of reset, of constructors) and of the results of a task's methods."""
 
 from __future__ import annotations
 
 import inspect
 from collections.abc import Callable, Mapping
 from fractions import Fraction
+from math import isfinite
+from numbers import Real
 from operator import index
 from typing import SupportsIndex
 
 import numpy as np
 from numpy.typing import NDArray
 
-from uuvsim_cosim.errors import InputInvalid
+from uuvsim_cosim.errors import InputInvalid, Problem
 from uuvsim_cosim.models.declaration.near_names import did_you_mean, expected_names
 
-__all__ = ["base_seed", "mask_of", "refuse_options", "seconds", "start_of", "whole"]
+__all__ = [
+    "base_seed",
+    "check_failure_reward",
+    "infos_of",
+    "mask_of",
+    "refuse_infinite",
+    "refuse_options",
+    "rewards_of",
+    "seconds",
+    "start_of",
+    "whole",
+]
 
+Array = NDArray[np.float64]
 _KNOWN = ("start", "reset_mask")
 _SEEDS = 2**64
 
@@ -107,3 +121,44 @@ def refuse_options(place: str, make: Callable[..., object], given: Mapping[str, 
     missing = [p.name for p in named if p.default is p.empty and p.name not in given]
     if missing:
         raise InputInvalid(place, f"no {', '.join(missing)}", "a value for each")
+
+
+def check_failure_reward(given: object) -> list[Problem]:
+    """Find mistakes in a task's reward of a failure."""
+    if isinstance(given, Real) and isfinite(given):
+        return []
+    return [Problem("failure_reward", repr(given), "a finite number")]
+
+
+def rewards_of(given: object, n: int, place: str) -> Array:
+    """Return rewards, of shape (n,); raises InputInvalid."""
+    try:
+        reward = np.asarray(given, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise InputInvalid(place, f"{given!r}", f"numbers of shape {(n,)}") from None
+    if reward.shape != (n,):
+        raise InputInvalid(place, f"rewards of shape {reward.shape}", (n,))
+    return reward
+
+
+def refuse_infinite(numbers: NDArray[np.generic], place: str) -> None:
+    """Raise InputInvalid for the first environment with a number that is not finite."""
+    if np.isfinite(np.add.reduce(numbers, axis=None)):
+        return
+    bad = np.argwhere(~np.isfinite(numbers))
+    if len(bad):
+        value = numbers[tuple(bad[0])]
+        which = f"number {bad[0][1]} " if numbers.ndim > 1 else ""
+        raise InputInvalid(
+            place, f"{which}in environment {bad[0][0]} is {value}", "a finite number"
+        )
+
+
+def infos_of(given: object, n: int, place: str) -> Mapping[str, NDArray[np.generic]]:
+    """Return infos, of shape (n, …); raises InputInvalid."""
+    if not isinstance(given, Mapping):
+        raise InputInvalid(place, f"info(): {given!r}", "arrays by name")
+    for name, values in given.items():
+        if np.shape(values)[:1] != (n,):
+            raise InputInvalid(place, f"info(), {name!r}: of shape {np.shape(values)}", f"{n} rows")
+    return given
