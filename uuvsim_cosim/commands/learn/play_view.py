@@ -1,4 +1,4 @@
-"""One episode of a policy as a stage and its motion, for `uuvsim play --view`."""
+"""One episode of a policy as a scene and its motion, for `uuvsim play --view`."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from uuvsim_cosim.orchestrator.plan.plan import Plan
     from uuvsim_cosim.view.recorded.traces import Array, Traces
     from uuvsim_cosim.view.scene3d.motion import Motion
-    from uuvsim_cosim.view.scene3d.scene import Solid, Stage
+    from uuvsim_cosim.view.scene3d.scene import Scene3D, Solid
 
 __all__ = ["Page", "episode_of"]
 
@@ -29,7 +29,7 @@ class Page:
 
     def __init__(self, port: int | None, asked: bool) -> None:
         self._server: ViserServer | None = None
-        self._recorded: tuple[Stage, Motion, Traces] | None = None
+        self._recorded: tuple[Scene3D, Motion, Traces] | None = None
         if port is not None and not asked:
             raise InputInvalid(f"--port {port}: is where --view shows it", "--view")
         if asked:
@@ -58,47 +58,49 @@ class Page:
 
 def episode_of(
     task: Task | TeamTask, policy: Any, seed: int, name: str
-) -> tuple[Stage, Motion, Traces]:
+) -> tuple[Scene3D, Motion, Traces]:
     """Play episode 0 of a seed and return its motion; raises InputInvalid without a pose.
 
-    The task is not changed: a copy of it reads the signals that move its stage as well.
+    The task is not changed: a copy of it reads the signals that move its scene as well.
     """
     from uuvsim_cosim.learn.policies.playing import frames_of
     from uuvsim_cosim.orchestrator.plan.flatten import flatten
     from uuvsim_cosim.view.scene3d.motion import motion_of
     from uuvsim_cosim.view.scene3d.scene import Marker
-    from uuvsim_cosim.view.scene3d.scene_of_plan import stage_of_plan
+    from uuvsim_cosim.view.scene3d.scene_of_plan import scene3d_of_plan
 
     plan = flatten(task.system)
-    stage = stage_of_plan(plan, name)
-    if not stage.bodies:
+    scene3d = scene3d_of_plan(plan, name)
+    if not scene3d.bodies:
         raise InputInvalid(
             f"--view: no component of {name} has a pose (eta) that tau moves",
             "a task with a vehicle, or no --view",
         )
     watched: Any = copy.copy(task)  # its method `view` is replaced
-    watched.signals = tuple(dict.fromkeys((*task.signals, *stage.signals)))
-    seen = _Seen(task, stage)
+    watched.signals = tuple(dict.fromkeys((*task.signals, *scene3d.signals)))
+    seen = _Seen(task, scene3d)
     watched.view = seen.view
     for _ in frames_of(watched, policy, seed):
         pass
     if seen.goals:
-        stage = replace(stage, markers=(*stage.markers, Marker(GOAL, f"{GOAL}.position", 0.08)))
-    stage = replace(stage, solids=tuple(_solids(plan, seen.start, stage)))
+        scene3d = replace(
+            scene3d, markers=(*scene3d.markers, Marker(GOAL, f"{GOAL}.position", 0.08))
+        )
+    scene3d = replace(scene3d, solids=tuple(_solids(plan, seen.start, scene3d)))
     units = {
         f"{c.path}.{v.name}": ", ".join(dict.fromkeys(u or "1" for u in v.units))
         for c in plan.components
         for v in c.description.variables.values()
     }
     traces = seen.traces(units)
-    return stage, motion_of(stage, traces), traces
+    return scene3d, motion_of(scene3d, traces), traces
 
 
 class _Seen:
     """Recorder of a task's moments while their pictures are drawn."""
 
-    def __init__(self, task: Task | TeamTask, stage: Stage) -> None:
-        self._task, self._names = task, stage.signals
+    def __init__(self, task: Task | TeamTask, scene3d: Scene3D) -> None:
+        self._task, self._names = task, scene3d.signals
         self.time: list[float] = []
         self.rows: dict[str, list[Array]] = {name: [] for name in self._names}
         self.goals: list[Array] = []
@@ -131,7 +133,7 @@ class _Seen:
         return Traces(time, values, units)
 
 
-def _solids(plan: Plan, start: dict[str, Array], stage: Stage) -> Iterator[Solid]:
+def _solids(plan: Plan, start: dict[str, Array], scene3d: Scene3D) -> Iterator[Solid]:
     """Yield the still bodies of this episode: pools and obstacles may be random."""
     from uuvsim_cosim.view.scene3d.scene_of_plan import pool_solids
 
@@ -142,4 +144,4 @@ def _solids(plan: Plan, start: dict[str, Array], stage: Stage) -> Iterator[Solid
             keys = {n: f"{c.path}.{n}" for n in names if f"{c.path}.{n}" in start}
             found |= {s.name: s for s in pool_solids(c, {n: start[k] for n, k in keys.items()})}
     pools = list(found.values())
-    yield from pools or stage.solids
+    yield from pools or scene3d.solids

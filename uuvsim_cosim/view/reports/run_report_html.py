@@ -21,7 +21,7 @@ from uuvsim_cosim.view.reports.panels import Section, lead_panels, sections, tra
 from uuvsim_cosim.view.reports.provenance import provenance_html
 from uuvsim_cosim.view.reports.survey_map import map_figures, map_section
 from uuvsim_cosim.view.scene3d.motion import motion_of
-from uuvsim_cosim.view.scene3d.scene import Stage
+from uuvsim_cosim.view.scene3d.scene import Scene3D
 from uuvsim_cosim.view.scene3d.scene_html import MOMENTS, scene_html
 
 __all__ = ["report_html"]
@@ -95,7 +95,7 @@ class _Page:
 def report_html(
     traces: Traces,
     provenance: Mapping[str, Any],
-    stage: Stage | None = None,
+    scene3d: Scene3D | None = None,
     surveyed: SeabedMap | None = None,
 ) -> str:
     """Return the report as one HTML page; with a `stage` it has a scene in three dimensions.
@@ -124,9 +124,9 @@ def report_html(
         lines = {"truth": "hull.eta", "estimate": "navigation.eta"}
         found = {style: traces.vector(name, 2) for style, name in lines.items()}
         body.append(map_section(surveyed, {k: v for k, v in found.items() if v is not None}))
-    if stage is not None:
-        moments = MOMENTS // max(1, len(stage.bodies) // 4)
-        body.append(scene_html(stage, motion_of(stage, traces, moments)))
+    if scene3d is not None:
+        moments = MOMENTS // max(1, len(scene3d.bodies) // 4)
+        body.append(scene_html(scene3d, motion_of(scene3d, traces, moments)))
     body += [page.section(section) for section in sections(traces)]
     body.append(provenance_html(provenance))
     script = files("uuvsim_cosim.view.reports").joinpath("report.js").read_text(encoding="utf-8")

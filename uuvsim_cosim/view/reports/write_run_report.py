@@ -14,7 +14,7 @@ from uuvsim_cosim.view.recorded.run_folder import provenance_of, traces_of
 from uuvsim_cosim.view.recorded.traces import Traces
 from uuvsim_cosim.view.reports.picture import picture_svg
 from uuvsim_cosim.view.reports.run_report_html import report_html
-from uuvsim_cosim.view.scene3d.scene_of_run import stage_of_run
+from uuvsim_cosim.view.scene3d.scene_of_run import scene3d_of_run
 
 __all__ = ["write_metrics", "write_report", "write_run_picture"]
 
@@ -35,7 +35,7 @@ def write_report(folder: str | Path, out: str | Path | None = None) -> Path:
     """Write the one-file report of a run, by default report.html in its folder."""
     traces = _some(traces_of(folder), folder)
     surveyed = read_map(Path(folder))
-    page = report_html(traces, provenance_of(folder), stage_of_run(folder, traces), surveyed)
+    page = report_html(traces, provenance_of(folder), scene3d_of_run(folder, traces), surveyed)
     return written(
         Path(out) if out is not None else Path(folder) / "report.html", page, make_folder=True
     )

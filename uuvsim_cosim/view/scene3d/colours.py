@@ -1,4 +1,4 @@
-"""The colours of a stage, the same in the live view, the report and the exports."""
+"""The colours of a scene, the same in the live view, the report and the exports."""
 
 from __future__ import annotations
 

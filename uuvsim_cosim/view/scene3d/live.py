@@ -14,9 +14,9 @@ from uuvsim_cosim.orchestrator.master.observer import Chunk, Column, seconds
 from uuvsim_cosim.orchestrator.plan.plan import Plan
 from uuvsim_cosim.view.recorded.traces import Traces, joined
 from uuvsim_cosim.view.scene3d.motion import LEAST, REACH, extent, motion_of
-from uuvsim_cosim.view.scene3d.scene_of_plan import stage_of_plan
+from uuvsim_cosim.view.scene3d.scene_of_plan import scene3d_of_plan
 from uuvsim_cosim.view.scene3d.viser_panel import Panel
-from uuvsim_cosim.view.scene3d.viser_scene import ViserStage
+from uuvsim_cosim.view.scene3d.viser_scene import ViserScene
 
 if TYPE_CHECKING:
     from viser import ViserServer
@@ -86,7 +86,7 @@ class LiveView:
 
     def begin(self, plan: Plan, columns: Sequence[Column]) -> None:
         """Build the page of a plan, and begin to draw."""
-        self.stage = stage_of_plan(plan, self.name)
+        self.scene3d = scene3d_of_plan(plan, self.name)
         numeric = [i for i, c in enumerate(columns) if not c.type.is_blob]
         self._names = [columns[i].name for i in numeric]
         dtypes = [columns[i].type.dtype for i in numeric]
@@ -141,24 +141,24 @@ class _Page:
     """Page of a live run."""
 
     def __init__(self, server: ViserServer, live: LiveView, newest: Traces) -> None:
-        self.server, self.stage = server, live.stage
-        self.low, self.high = extent(self.stage, motion_of(self.stage, newest))
-        self.drawn = ViserStage(server, self.stage, self.low, self.high)
+        self.server, self.scene3d = server, live.scene3d
+        self.low, self.high = extent(self.scene3d, motion_of(self.scene3d, newest))
+        self.drawn = ViserScene(server, self.scene3d, self.low, self.high)
         server.gui.add_markdown(f"### {live.name.replace('_', ' ')}, live")
         self.clock = server.gui.add_text("time [s]", "", disabled=True)
         self.panel = Panel(server, self.drawn, self.low, self.high)
         self.panel.add_parts()
         self.panel.add_plots(self.panel.signals(newest))
-        self.panel.say_notes(self.stage)
-        self.greatest = {b.name: LEAST for b in self.stage.bodies}  # N
+        self.panel.say_notes(self.scene3d)
+        self.greatest = {b.name: LEAST for b in self.scene3d.bodies}  # N
         self.last_slow = -np.inf
         for client in server.get_clients().values():
             self.panel.look(client)
 
     def show(self, newest: Traces, whole: Traces | None, now: float) -> None:
-        motion = motion_of(self.stage, newest)
+        motion = motion_of(self.scene3d, newest)
         scales = {}
-        for body in self.stage.bodies:
+        for body in self.scene3d.bodies:
             thrust = motion.thrusts.get(body.name)
             if thrust is not None:
                 self.greatest[body.name] = max(self.greatest[body.name], float(abs(thrust).max()))
@@ -169,6 +169,6 @@ class _Page:
             self.clock.value = f"{float(newest.time[0]):.2f}"
             if whole is not None:
                 self.last_slow = now
-                self.drawn.tracks(motion_of(self.stage, whole))
+                self.drawn.tracks(motion_of(self.scene3d, whole))
                 self.panel.plot(whole)
         self.panel.move_camera(motion, 0)

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING
 
 from uuvsim_cosim.view.recorded.traces import Traces
 from uuvsim_cosim.view.scene3d.motion import Motion, extent
-from uuvsim_cosim.view.scene3d.scene import Stage
+from uuvsim_cosim.view.scene3d.scene import Scene3D
 from uuvsim_cosim.view.scene3d.viser_panel import Panel
-from uuvsim_cosim.view.scene3d.viser_scene import ViserStage
+from uuvsim_cosim.view.scene3d.viser_scene import ViserScene
 
 if TYPE_CHECKING:
     from viser import GuiEvent, ViserServer
@@ -25,15 +25,17 @@ IDLE = 0.2  # s between two checks for viewers, while there is none
 class Replay:
     """The page of a recording; `serve` keeps it moving until it is interrupted."""
 
-    def __init__(self, server: ViserServer, stage: Stage, motion: Motion, traces: Traces) -> None:
+    def __init__(
+        self, server: ViserServer, scene3d: Scene3D, motion: Motion, traces: Traces
+    ) -> None:
         self.server, self.motion, self.traces = server, motion, traces
         self.start, self.end = float(motion.time[0]), float(motion.time[-1])
         self.t = self.start
-        low, high = extent(stage, motion)
-        self.drawn = ViserStage(server, stage, low, high)
+        low, high = extent(scene3d, motion)
+        self.drawn = ViserScene(server, scene3d, low, high)
         self.drawn.tracks(motion)
         gui = server.gui
-        gui.add_markdown(f"### {stage.name.replace('_', ' ')}")
+        gui.add_markdown(f"### {scene3d.name.replace('_', ' ')}")
         self.clock = gui.add_text("time [s]", "", disabled=True)
         whole = max(self.end - self.start, 1e-9)
         self.slider = gui.add_slider("moment", 0.0, whole, whole / 2000.0, 0.0)
@@ -43,7 +45,7 @@ class Replay:
         panel = self.panel = Panel(server, self.drawn, low, high)
         panel.add_parts()
         panel.add_plots(panel.signals(traces))
-        panel.say_notes(stage)
+        panel.say_notes(scene3d)
         self.slider.on_update(self._moved)
         self.playing.on_update(self._begun)
         self.show()

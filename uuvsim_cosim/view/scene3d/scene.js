@@ -5,7 +5,7 @@
   const card = document.getElementById("scene"), canvas = card.querySelector("canvas");
   const gl = canvas.getContext("webgl2", { antialias: true, alpha: false });
   if (!gl) {
-    card.querySelector(".stage").textContent = "This browser shows no 3-D scene: it has no WebGL 2, or it is switched off.";
+    card.querySelector(".viewport").textContent = "This browser shows no 3-D scene: it has no WebGL 2, or it is switched off.";
     card.querySelector(".controls").style.display = "none";
     return;
   }
@@ -75,7 +75,7 @@
     const box = canvas.getBoundingClientRect(), ratio = Math.min(2, window.devicePixelRatio || 1);
     const w = Math.max(1, Math.round(box.width * ratio)), h = Math.max(1, Math.round(box.height * ratio));
     if (canvas.width !== w || canvas.height !== h) { canvas.width = w; canvas.height = h; }
-    const probe = getComputedStyle(card.querySelector(".stage")).backgroundColor.match(/[\d.]+/g).map(Number);
+    const probe = getComputedStyle(card.querySelector(".viewport")).backgroundColor.match(/[\d.]+/g).map(Number);
     const water = probe.slice(0, 3).map(v => v / 255), moment = nearest();
     if (follow && bodies.length) camera.at = where(bodies[0], moment)[0].map((v, i) => isFinite(v) ? v : camera.at[i]);
     const c = Math.cos(camera.lift), eye = [

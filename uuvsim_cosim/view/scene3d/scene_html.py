@@ -16,7 +16,7 @@ from uuvsim_cosim.view.plots.svg import escape
 from uuvsim_cosim.view.recorded.traces import Array
 from uuvsim_cosim.view.scene3d.colours import ARROW, BODIES, ESTIMATE, MARKER, PATH, SOLIDS
 from uuvsim_cosim.view.scene3d.motion import Motion, extent
-from uuvsim_cosim.view.scene3d.scene import Mesh, Solid, Stage
+from uuvsim_cosim.view.scene3d.scene import Mesh, Scene3D, Solid
 from uuvsim_cosim.view.scene3d.shapes import cropped, floor, lathe, surface
 
 __all__ = ["MOMENTS", "scene_data", "scene_html"]
@@ -28,11 +28,11 @@ ALPHA = {"basin": 0.35, "surface": 0.15}  # opacity of transparent parts
 AROUND = 2.0  # terrain is shown this many extents of the motion around it
 
 
-def scene_html(stage: Stage, motion: Motion) -> str:
+def scene_html(scene3d: Scene3D, motion: Motion) -> str:
     """Return the card with the scene, its data and its script; empty if nothing moves."""
     if not motion.positions or len(motion.time) < 2:
         return ""
-    data = json.dumps(scene_data(stage, motion), separators=(",", ":"), allow_nan=False)
+    data = json.dumps(scene_data(scene3d, motion), separators=(",", ":"), allow_nan=False)
     data = data.replace("<", "\\u003c")  # a name with "</script>" must not end the element
     script = _own("scene.js").replace("/*MATH*/", _own("scene_math.js"))
     script = script.replace("/*GL*/", _own("scene_gl.js"))
@@ -40,12 +40,12 @@ def scene_html(stage: Stage, motion: Motion) -> str:
         f'<option value="{s}"{" selected" if s == 4 else ""}>{s} x</option>'
         for s in (0.25, 1, 4, 16, 64)
     )
-    first = stage.bodies[0].name if stage.bodies else ""
-    notes = "".join(f"<small>{escape(note)}</small>" for note in stage.notes)
+    first = scene3d.bodies[0].name if scene3d.bodies else ""
+    notes = "".join(f"<small>{escape(note)}</small>" for note in scene3d.notes)
     return (
         '<div class="card" id="scene"><h3>Scene<span class="keys">drag to turn, shift-drag to '
         "move, click and wheel to zoom</span></h3>"
-        '<div class="stage"><canvas tabindex="0" aria-label="The run in three dimensions"></canvas>'
+        '<div class="viewport"><canvas tabindex="0" aria-label="Scene of the run"></canvas>'
         '</div><p class="controls"><button class="go" type="button">play</button>'
         '<input type="range" aria-label="moment"><span class="clock"></span>'
         f'<select aria-label="speed">{speeds}</select>'
@@ -55,14 +55,14 @@ def scene_html(stage: Stage, motion: Motion) -> str:
     )
 
 
-def scene_data(stage: Stage, motion: Motion) -> dict[str, Any]:
+def scene_data(scene3d: Scene3D, motion: Motion) -> dict[str, Any]:
     """Return the data of the script: meshes, poses, arrows, lines; binary parts as base64."""
-    low, high = extent(stage, motion)
+    low, high = extent(scene3d, motion)
     data: dict[str, Any] = {
         "time": _floats(motion.time), "extent": [_list(low), _list(high)], "arrow": ARROW,
         "bodies": [], "lines": [], "solids": [], "terrain": None,
     }  # fmt: skip
-    for i, body in enumerate(stage.bodies[:BODIES_MOST]):
+    for i, body in enumerate(scene3d.bodies[:BODIES_MOST]):
         if body.name not in motion.positions:
             continue
         colour = BODIES[i % len(BODIES)]
@@ -82,7 +82,7 @@ def scene_data(stage: Stage, motion: Motion) -> dict[str, Any]:
         if body.name in motion.estimates:
             data["lines"].append(_line(motion.estimates[body.name], ESTIMATE, 1.0))
     t = np.linspace(0.0, np.pi, 9)
-    for marker in stage.markers[:BODIES_MOST]:
+    for marker in scene3d.markers[:BODIES_MOST]:
         if marker.name in motion.positions:
             ball = _mesh(lathe(-marker.radius * np.cos(t), marker.radius * np.sin(t), 14))
             p = motion.positions[marker.name]
@@ -91,22 +91,22 @@ def scene_data(stage: Stage, motion: Motion) -> dict[str, Any]:
                 "colour": MARKER, "arrows": None, **ball,
             })  # fmt: skip
             data["lines"].append(_line(p, MARKER, 1.0))
-    data["lines"] += [_line(line.points, PATH, 1.8) for line in stage.lines]
+    data["lines"] += [_line(line.points, PATH, 1.8) for line in scene3d.lines]
     data["lines"] = [line for line in data["lines"] if line]
     margin = 0.5 * float(max(high[:2] - low[:2])) + 5.0
-    if stage.terrain is not None:
+    if scene3d.terrain is not None:
         margin = max(AROUND * float(max(high[:2] - low[:2])), 60.0)
-        data["terrain"] = _terrain(cropped(stage.terrain, low, high, margin))
+        data["terrain"] = _terrain(cropped(scene3d.terrain, low, high, margin))
     around = low[:2] - margin, high[:2] + margin
     shown = []
-    for solid in stage.solids:  # those far from a terrain's part are left out
+    for solid in scene3d.solids:  # those far from a terrain's part are left out
         places = solid.mesh.vertices[:, :2]
         near = (places.max(axis=0) > around[0]).all() and (places.min(axis=0) < around[1]).all()
-        if stage.terrain is None or near:
+        if scene3d.terrain is None or near:
             shown.append(solid)
-    if stage.terrain is None and stage.bottom is not None:
-        shown.append(Solid("bottom", floor(*around, stage.bottom), "floor"))
-    if stage.terrain is not None or stage.bottom is not None:
+    if scene3d.terrain is None and scene3d.bottom is not None:
+        shown.append(Solid("bottom", floor(*around, scene3d.bottom), "floor"))
+    if scene3d.terrain is not None or scene3d.bottom is not None:
         shown.append(Solid("surface", surface(*around), "surface"))
     for solid in shown:
         colour, alpha = SOLIDS.get(solid.kind, PATH), ALPHA.get(solid.kind, 1)

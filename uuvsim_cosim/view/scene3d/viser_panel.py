@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 
 from uuvsim_cosim.view.recorded.traces import Traces
 from uuvsim_cosim.view.scene3d.motion import Motion
-from uuvsim_cosim.view.scene3d.scene import Stage
+from uuvsim_cosim.view.scene3d.scene import Scene3D
 from uuvsim_cosim.view.scene3d.viser_plots import plot_markdown, plotted
-from uuvsim_cosim.view.scene3d.viser_scene import ViserStage
+from uuvsim_cosim.view.scene3d.viser_scene import ViserScene
 
 if TYPE_CHECKING:
     from viser import (
@@ -36,16 +36,16 @@ BESIDE = 0.17 * np.array([-0.51, 0.86, 0.0])  # of the camera's target: the pane
 
 
 class Panel:
-    """Controls of a server's page, which act on the drawn stage."""
+    """Controls of a server's page, which act on the drawn scene."""
 
-    def __init__(self, server: ViserServer, drawn: ViserStage, low: Array, high: Array) -> None:
+    def __init__(self, server: ViserServer, drawn: ViserScene, low: Array, high: Array) -> None:
         self.server, self.drawn = server, drawn
         self._low, self._high = low, high
         self._followed: Array | None = None
         server.on_client_connect(self.look)  # a new viewer sees the whole scene first
-        stage = drawn.stage
+        scene3d = drawn.scene3d
         with server.gui.add_folder("Camera"):
-            names = [NOBODY, *(b.name for b in stage.bodies), *(m.name for m in stage.markers)]
+            names = [NOBODY, *(b.name for b in scene3d.bodies), *(m.name for m in scene3d.markers)]
             self.follow = server.gui.add_dropdown("follow", tuple(names))
             home = server.gui.add_button("whole scene")
         home.on_click(self._go_home)
@@ -53,7 +53,7 @@ class Panel:
         self._plots: list[tuple[GuiDropdownHandle, GuiMarkdownHandle]] = []
 
     def add_parts(self) -> None:
-        """Add a checkbox for each part that the stage has."""
+        """Add a checkbox for each part that the scene has."""
         with self.server.gui.add_folder("Shown", expand_by_default=False):
             for part in PARTS:
                 if part in self.drawn.parts or part in self.drawn.coming:
@@ -75,12 +75,12 @@ class Panel:
                 )  # fmt: skip
                 self._plots.append((choice, self.server.gui.add_markdown("", image_root=Path())))
 
-    def say_notes(self, stage: Stage) -> None:
+    def say_notes(self, scene3d: Scene3D) -> None:
         """Show notes on parts that could not be drawn."""
-        if stage.notes:
+        if scene3d.notes:
             with self.server.gui.add_folder("Not drawn", expand_by_default=False):
                 # In backquotes, MDX does not read a note as markup.
-                notes = [note.replace("`", "'").replace("\n", " ") for note in stage.notes]
+                notes = [note.replace("`", "'").replace("\n", " ") for note in scene3d.notes]
                 self.server.gui.add_markdown("\n".join(f"- `{note}`" for note in notes))
 
     def plot(self, traces: Traces, t: float | None = None) -> None:
@@ -113,7 +113,7 @@ class Panel:
                     camera.look_at = here
 
     def _size(self, name: str) -> float:
-        return next((b.size for b in self.drawn.stage.bodies if b.name == name), 0.5)
+        return next((b.size for b in self.drawn.scene3d.bodies if b.name == name), 0.5)
 
     def _go_home(self, event: GuiEvent) -> None:
         self.follow.value = NOBODY
