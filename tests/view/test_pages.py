@@ -29,7 +29,7 @@ from uuvsim_cosim.orchestrator.master.observer import Chunk, Column
 from uuvsim_cosim.orchestrator.plan.flatten import flatten
 from uuvsim_cosim.orchestrator.running.library import load
 from uuvsim_cosim.view.recorded.traces import Traces
-from uuvsim_cosim.view.reports.run_report_html import report_html
+from uuvsim_cosim.view.reports.run_report import report_html
 from uuvsim_cosim.view.scene3d.live import History, LiveView
 from uuvsim_cosim.view.scene3d.motion import Motion, motion_of
 from uuvsim_cosim.view.scene3d.recording_page import Replay

@@ -23,10 +23,12 @@ def report_command(
     """Write the report of a run: one HTML file that opens offline, or a picture as SVG."""
     if out is not None and out.suffix.lower() not in (".html", ".htm", ".svg"):
         raise InputInvalid(out, f"ending {out.suffix!r} was read", ".html or .svg")
-    from uuvsim_cosim.view.reports.write_run_report import write_report, write_run_picture
-
     if out is not None and out.suffix.lower() == ".svg":
+        from uuvsim_cosim.view.reports.picture import write_run_picture
+
         written = write_run_picture(run, out)
     else:
+        from uuvsim_cosim.view.reports.run_report import write_report
+
         written = write_report(run, out)
     file_line(written)

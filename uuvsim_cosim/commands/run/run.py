@@ -215,7 +215,7 @@ def _run_system(
     scenario: Path | None, trace_fmi: Path | None, watched: Watched, inputs: list[str],
 ) -> None:  # fmt: skip
     from uuvsim_cosim.orchestrator.running.run import Interrupted, run
-    from uuvsim_cosim.view.reports.write_run_report import write_metrics, write_report
+    from uuvsim_cosim.view.reports.run_report import write_metrics, write_report
 
     about = {
         "source": Path(name).name,

@@ -26,7 +26,7 @@ def summary(run: Run, surveyed: SeabedMap | None = None) -> tuple[list[Figure], 
     from uuvsim_cosim.scene.contact_report import contact_warnings
     from uuvsim_cosim.scene.outside_terrain import left_terrain
     from uuvsim_cosim.view.recorded.metrics import Figure, figures
-    from uuvsim_cosim.view.recorded.run_folder import traces_of
+    from uuvsim_cosim.view.recorded.traces import traces_of
 
     path = None if run.waypoints is None else np.asarray(run.waypoints)
     traces = traces_of(run.folder)

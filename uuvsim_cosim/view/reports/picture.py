@@ -9,24 +9,30 @@ from typing import Any
 
 import numpy as np
 
-from uuvsim_cosim.cache import write_whole
+from uuvsim_cosim.cache import written
 from uuvsim_cosim.errors import InputInvalid
-from uuvsim_cosim.view.plots.palette import picture_styles
+from uuvsim_cosim.view.plots.page import picture_styles
 from uuvsim_cosim.view.plots.plots import Frame, Panel, Rows, TimePanel
 from uuvsim_cosim.view.plots.svg import text
 from uuvsim_cosim.view.recorded.metrics import figures
-from uuvsim_cosim.view.recorded.traces import Traces
+from uuvsim_cosim.view.recorded.traces import Traces, provenance_of
 from uuvsim_cosim.view.reports.panels import lead_panels, sections, track_of
+from uuvsim_cosim.view.reports.run_report import sampled_traces, waypoints_of
 
-__all__ = ["picture_svg", "write_picture"]
+__all__ = ["picture_svg", "write_run_picture"]
 
 WIDTH, GAP, MARGIN, HEAD = 1200.0, 14.0, 18.0, 30.0
 
 
+def write_run_picture(folder: str | Path, out: str | Path) -> Path:
+    """Write a run as one static SVG, for a README or a paper."""
+    page = picture_svg(sampled_traces(folder), provenance_of(folder))
+    return written(Path(out), page, make_folder=True)
+
+
 def picture_svg(traces: Traces, provenance: Mapping[str, Any]) -> str:
     """Return the picture: key figures, the track, and four panels over time beside it."""
-    waypoints = provenance.get("waypoints")
-    path = None if waypoints is None else np.asarray(waypoints, dtype=float)
+    path = waypoints_of(provenance)
     track = track_of(traces, path)
     if track is None:
         raise InputInvalid("the run has no signal hull.eta", "a vehicle's mission")
@@ -65,14 +71,6 @@ def picture_svg(traces: Traces, provenance: Mapping[str, Any]) -> str:
         + "".join(parts)
         + "</svg>\n"
     )
-
-
-def write_picture(traces: Traces, provenance: Mapping[str, Any], out: str | Path) -> Path:
-    """Write the picture as SVG and return its path."""
-    out = Path(out)
-    out.parent.mkdir(parents=True, exist_ok=True)
-    write_whole(out, picture_svg(traces, provenance).encode())
-    return out
 
 
 def _navigation(below: Mapping[str, Sequence[Panel]]) -> list[Panel]:

@@ -35,13 +35,16 @@ FORMULAS = (
     "the axes; a consistent Gaussian filter has 99.7 %.",
     "Energy: what the battery integrates, ∫ V I dt; without that output, by trapezoids from "
     "voltage and total current.",
-    "Curves are drawn through the least and greatest sample of each pixel column or two; all "
-    "samples are in signals.parquet.",
+    "Plots hold the least and the greatest sample of each of at most 700 intervals of time, so "
+    "that no peak is lost; all samples are in signals.parquet.",
 )
 
 
-def provenance_html(provenance: Mapping[str, Any]) -> str:
-    """Return the sections below the plots; unknown facts are left out."""
+def provenance_html(provenance: Mapping[str, Any], *notes: str) -> str:
+    """Return the sections below the plots; unknown facts are left out.
+
+    `notes` say what the page itself holds.
+    """
     rows = [
         (label, _shown(provenance[key]))
         for key, label in SHOWN
@@ -69,7 +72,7 @@ def provenance_html(provenance: Mapping[str, Any]) -> str:
             f'<details class="card"><summary>{len(components)} components</summary>'
             f"<table>{head}{cells}</table></details>"
         )
-    parts.append(_listed("How the figures are computed", FORMULAS))
+    parts.append(_listed("How the figures are computed", (*FORMULAS, *notes)))
     version = escape(provenance.get("version", ""))
     parts.append(f"<footer>Written by uuvsim-cosim {version}. This file needs no network.</footer>")
     return "".join(parts)

@@ -11,7 +11,7 @@ import numpy as np
 
 from uuvsim_cosim.cache import write_whole
 from uuvsim_cosim.errors import InputInvalid
-from uuvsim_cosim.view.plots.palette import page_styles
+from uuvsim_cosim.view.plots.page import page_html
 from uuvsim_cosim.view.plots.study_plots import STYLES, Course, card, grid_lines, histogram, scatter
 from uuvsim_cosim.view.plots.svg import escape
 from uuvsim_cosim.view.recorded.traces import Array
@@ -121,13 +121,7 @@ def study_html(
         '<details class="card"><summary>What was asked</summary>'
         f"<table><tbody>{rows}</tbody></table></details>"
     )
-    return (
-        '<!doctype html>\n<html lang="en"><head><meta charset="utf-8">'
-        '<meta name="viewport" content="width=device-width,initial-scale=1">'
-        f"<title>{escape(about['name'])} · uuvsim study</title>\n"
-        f"<style>{page_styles()}{STYLE}</style></head>\n"
-        f"<body><main>{''.join(body)}</main></body></html>\n"
-    )
+    return page_html(about["name"], "uuvsim study", body, style=STYLE)
 
 
 def _varies(columns: Mapping[str, Array], parameter: Parameter) -> bool:

@@ -13,7 +13,7 @@ import numpy as np
 
 from uuvsim_cosim.cache import write_whole
 from uuvsim_cosim.errors import InputInvalid
-from uuvsim_cosim.view.plots.palette import page_styles
+from uuvsim_cosim.view.plots import page
 from uuvsim_cosim.view.plots.study_plots import STYLES, Course, card, grid_lines
 from uuvsim_cosim.view.plots.svg import escape
 from uuvsim_cosim.view.recorded.traces import Array
@@ -49,11 +49,11 @@ Pictures = Sequence[tuple[str, bytes]]  # PNG files by seed
 
 
 def write_report(
-    folder: str | Path, what: str, page: Callable[[Path, Any, Any, Pictures], str]
+    folder: str | Path, what: str, made: Callable[[Path, Any, Any, Pictures], str]
 ) -> Path:
     """Write report.html into the folder of a `what`: "training", whose training.json is there.
 
-    `page` makes it of the folder, of what that file and judged.json hold (None where nothing was
+    `made` makes it of the folder, of what that file and judged.json hold (None where nothing was
     judged), and of pictures. Raises InputInvalid if the folder is none of the kind.
     """
     folder = Path(folder)
@@ -62,24 +62,18 @@ def write_report(
         judged = folder / "judged.json"
         figures = json.loads(judged.read_text(encoding="utf-8")) if judged.is_file() else None
         pictures = [(p.stem, p.read_bytes()) for p in sorted(folder.glob("pictures/*.png"))]
-        made = page(folder, about, figures, pictures)
+        text = made(folder, about, figures, pictures)
     except (OSError, ValueError, KeyError, TypeError) as error:
         raise InputInvalid(folder, f"is no {what} ({error})", "one") from None
     path = folder / "report.html"
-    write_whole(path, made.encode())
+    write_whole(path, text.encode())
     return path
 
 
 def page_html(title: str, subtitle: str, body: Sequence[str]) -> str:
     """Return a page of its own, that opens offline."""
-    return (
-        '<!doctype html>\n<html lang="en"><head><meta charset="utf-8">'
-        '<meta name="viewport" content="width=device-width,initial-scale=1">'
-        f"<title>{escape(title)} · uuvsim train</title>\n"
-        f"<style>{page_styles()}{STYLE}</style></head>\n"
-        f"<body><main><header><h1>{escape(title)}</h1><p>{escape(subtitle)}</p></header>"
-        f"{''.join(body)}</main></body></html>\n"
-    )
+    head = f"<header><h1>{escape(title)}</h1><p>{escape(subtitle)}</p></header>"
+    return page.page_html(title, "uuvsim train", [head, *body], style=STYLE)
 
 
 def columns_of(path: Path) -> dict[str, Array]:

@@ -7,8 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from uuvsim_cosim.errors import InputInvalid, UuvsimError
-from uuvsim_cosim.view.recorded.run_folder import provenance_of, traces_of
-from uuvsim_cosim.view.recorded.traces import Traces
+from uuvsim_cosim.view.recorded.traces import Traces, provenance_of, traces_of
 from uuvsim_cosim.view.scene3d.motion import Motion, motion_of
 from uuvsim_cosim.view.scene3d.scene import Body, Line, Marker, Scene3D
 

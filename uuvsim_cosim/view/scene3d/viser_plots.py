@@ -6,7 +6,7 @@ import base64
 
 import numpy as np
 
-from uuvsim_cosim.view.plots.palette import picture_styles
+from uuvsim_cosim.view.plots.page import picture_styles
 from uuvsim_cosim.view.plots.plots import Frame, Line, TimePanel
 from uuvsim_cosim.view.recorded.traces import Traces
 
