@@ -4,9 +4,7 @@ import base64
 import http.client
 import json
 import re
-import shutil
 import socket
-import subprocess
 import sys
 import threading
 import urllib.request
@@ -20,6 +18,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from tests.view.browser import chromium
 from tests.view.scene_parts import survey_folder, survey_signals
 from uuvsim_cosim.bridge.access.token import known_token, token_file
 from uuvsim_cosim.cli import status_of
@@ -280,7 +279,7 @@ def test_the_scene_s_data_hold_what_was_recorded(recorded: Placed) -> None:
     data = scene_data(scene3d, motion)
     (body,) = data["bodies"]
     at = np.frombuffer(base64.b64decode(body["p"]), "<f4").reshape(-1, 3)
-    assert at == pytest.approx(motion.positions["hull"], abs=1e-6)
+    assert at + data["origin"] == pytest.approx(motion.positions["hull"], abs=2e-6)
     q = np.frombuffer(base64.b64decode(body["q"]), "<i2").reshape(-1, 4) / 32767
     assert q == pytest.approx(motion.attitudes["hull"], abs=2e-5)
     arrows = np.frombuffer(base64.b64decode(body["arrows"]["v"]), "<i2").reshape(-1, 8)
@@ -323,11 +322,6 @@ def test_a_name_cannot_become_markup_nor_a_gap_a_wrong_number() -> None:
 
 
 def test_a_browser_draws_the_report_s_scene(recorded: Placed, tmp_path: Path) -> None:
-    chromium = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which(
-        "google-chrome"
-    )  # fmt: skip
-    if chromium is None:
-        pytest.skip("no Chromium on this machine to open the page with")
     scene3d, _, traces = recorded
     html = report_html(traces, {"system": "survey"}, scene3d)
     for forbidden in ("http://", "https://", "url(", "@import", "fetch(", "XMLHttpRequest"):
@@ -337,13 +331,8 @@ def test_a_browser_draws_the_report_s_scene(recorded: Placed, tmp_path: Path) ->
     top = "<style>header,.figures,.lead,h2{display:none!important}</style>"
     page.write_text(html.replace("</head>", f"{top}</head>"), encoding="utf-8")
     picture = tmp_path / "report.png"
-    subprocess.run(
-        [chromium, "--headless=new", "--no-sandbox", "--use-angle=swiftshader",
-         "--enable-unsafe-swiftshader", "--hide-scrollbars", "--window-size=900,640",
-         f"--user-data-dir={tmp_path / 'profile'}", "--virtual-time-budget=2000",
-         f"--screenshot={picture}", page.as_uri()],
-        check=True, capture_output=True,
-    )  # fmt: skip
+    chromium(tmp_path, page, "--window-size=900,640", "--virtual-time-budget=2000",
+             f"--screenshot={picture}")  # fmt: skip
     pixels = np.asarray(Image.open(picture).convert("RGB"), int)
     red, green, blue = pixels[..., 0], pixels[..., 1], pixels[..., 2]
     water = (abs(red - 219) < 4) & (abs(green - 232) < 4) & (abs(blue - 240) < 4)

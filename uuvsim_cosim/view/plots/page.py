@@ -5,13 +5,17 @@ The colours are light and dark, and distinct for colour-blind readers as well.
 
 from __future__ import annotations
 
+import base64
 import re
 from collections.abc import Sequence
 from importlib.resources import files
 
+import numpy as np
+from numpy.typing import NDArray
+
 from uuvsim_cosim.view.plots.svg import escape
 
-__all__ = ["MARKS", "key_html", "own_file", "page_html", "picture_styles"]
+__all__ = ["MARKS", "encoded", "key_html", "own_file", "page_html", "picture_styles"]
 
 LIGHT = {
     "page": "#f4f6f9", "card": "#ffffff", "line": "#e1e6ed", "ink": "#13202f", "muted": "#5d6b7c",
@@ -45,6 +49,11 @@ MARKS = {
 def own_file(name: str) -> str:
     """Return the text of a file beside this module."""
     return files("uuvsim_cosim.view.plots").joinpath(name).read_text(encoding="utf-8")
+
+
+def encoded(data: NDArray[np.generic]) -> str:
+    """Return the bytes of an array as base64, for a page's script."""
+    return base64.b64encode(np.ascontiguousarray(data).tobytes()).decode("ascii")
 
 
 def page_html(

@@ -8,17 +8,16 @@ between the least and the greatest value of its column.
 
 from __future__ import annotations
 
-import base64
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
+from uuvsim_cosim.view.plots.page import encoded
 from uuvsim_cosim.view.recorded.traces import Array, Traces
 
-__all__ = ["MOST_ELEMENTS", "PANEL_BINS", "SIGNAL_BYTES", "Bins", "coded", "encoded", "signal_bins"]
+__all__ = ["MOST_ELEMENTS", "PANEL_BINS", "SIGNAL_BYTES", "Bins", "coded", "signal_bins"]
 
 PANEL_BINS = 700  # intervals of the panels that a report shows by itself
 SIGNAL_BYTES = 700_000  # characters of the recorded signals that the search field adds
@@ -96,11 +95,6 @@ def signal_bins(runs: Sequence[Traces], names: Sequence[str]) -> tuple[Bins, lis
         fitting += 1
     most = int(np.clip(SIGNAL_BYTES / (each * max(total, 1)), FEWEST_BINS, SIGNAL_BINS))
     return Bins([run.time for run in runs], most), sorted(ordered[fitting:])
-
-
-def encoded(data: NDArray[np.generic]) -> str:
-    """Return the bytes of an array as base64."""
-    return base64.b64encode(np.ascontiguousarray(data).tobytes()).decode("ascii")
 
 
 def coded(column: Array) -> dict[str, object]:

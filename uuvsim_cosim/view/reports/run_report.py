@@ -17,7 +17,7 @@ from uuvsim_cosim.cache import written
 from uuvsim_cosim.errors import InputInvalid, RecordingError
 from uuvsim_cosim.orchestrator.running.run_json import write_run_json
 from uuvsim_cosim.scene.mapping.mapping import SeabedMap, read_map
-from uuvsim_cosim.view.plots.page import MARKS, key_html, own_file, page_html
+from uuvsim_cosim.view.plots.page import MARKS, encoded, key_html, own_file, page_html
 from uuvsim_cosim.view.plots.plots import Line, Panel, Rows, TimePanel
 from uuvsim_cosim.view.plots.svg import escape
 from uuvsim_cosim.view.plots.track import VESSEL, Track
@@ -28,7 +28,6 @@ from uuvsim_cosim.view.reports.page_data import (
     PANEL_BINS,
     Bins,
     coded,
-    encoded,
     signal_bins,
 )
 from uuvsim_cosim.view.reports.panels import STYLES, Section, lead_panels, sections, track_of
