@@ -99,6 +99,18 @@ def test_the_page_and_its_socket_require_the_token(server: Any) -> None:
     assert asked(server, **UPGRADE, **allowed, Origin=mine) == 101
 
 
+def test_a_browser_may_ask_only_this_server(server: Any) -> None:
+    port = server.get_port()
+    page = http.client.HTTPConnection("127.0.0.1", port)
+    page.request("GET", "/", headers={"Authorization": f"Bearer {known_token('127.0.0.1', port)}"})
+    policy = page.getresponse().headers["Content-Security-Policy"]
+    page.close()
+    hosts = re.findall(r"wss?://(\S+)", policy)
+    assert hosts == [f"127.0.0.1:{port}"] * 2
+    assert "*" not in policy
+    assert not re.search(r"(?<!s)https?:", policy)
+
+
 def test_the_page_serves_no_other_files(server: Any) -> None:
     token = known_token("127.0.0.1", server.get_port())
     for path in ("/" + "../" * 12 + "etc/passwd", "/assets/../../x", "/..\\..\\x", "/C:/x"):
@@ -144,7 +156,7 @@ def test_options_that_do_not_go_together_are_refused(
 
 def test_a_replay_plays_stops_at_its_end_and_begins_again(server: Any, recorded: Placed) -> None:
     replay = Replay(server, *recorded)
-    replay.speed.value = 1.0
+    replay.speed.value = "2 x"
     replay.advance(3.0)
     assert replay.t == pytest.approx(6.0)
     replay.show()

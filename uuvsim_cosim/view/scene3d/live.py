@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -15,7 +15,7 @@ from uuvsim_cosim.orchestrator.plan.plan import Plan
 from uuvsim_cosim.view.recorded.traces import Traces, joined
 from uuvsim_cosim.view.scene3d.motion import LEAST, REACH, extent, motion_of
 from uuvsim_cosim.view.scene3d.scene_of_plan import scene3d_of_plan
-from uuvsim_cosim.view.scene3d.viser_panel import Panel
+from uuvsim_cosim.view.scene3d.viser_panel import Panel, plotted
 from uuvsim_cosim.view.scene3d.viser_scene import ViserScene
 
 if TYPE_CHECKING:
@@ -51,12 +51,15 @@ class History:
             del rows[1:-1:2]
             self._gap = 2.0 * (rows[-1][0] - rows[0][0]) / self._most
 
-    def traces(self, names: Sequence[str], units: dict[str, str], *, last: bool = False) -> Traces:
-        """Return the kept rows, or the last one only."""
+    def traces(
+        self, names: Sequence[str], units: Mapping[str, tuple[str, ...]], *, last: bool = False
+    ) -> Traces:
+        """Return the kept rows, or the last one only; `units` are those of elements."""
         rows = self._rows[-1:] if last else list(self._rows)
         time_ = np.array([t for t, _ in rows])
         table = np.array([r for _, r in rows]).reshape(len(rows), len(names))
-        return Traces(time_, joined(dict(zip(names, table.T, strict=True))), units)
+        values = joined(dict(zip(names, table.T, strict=True)))
+        return Traces(time_, values, element_units=units)
 
     def __len__(self) -> int:
         return len(self._rows)
@@ -78,7 +81,7 @@ class LiveView:
         self._over = threading.Event()
         self._thread: threading.Thread | None = None
         self._next = -np.inf
-        self._units: dict[str, str] = {}
+        self._units: dict[str, tuple[str, ...]] = {}
         self._names: list[str] = []
         self._read: list[tuple[NDArray[np.intp], NDArray[np.intp], str]] = []
         self._waiting = server.gui.add_markdown("The first step is being prepared.")
@@ -95,8 +98,9 @@ class LiveView:
             self._read.append((places, np.array(numeric, np.intp)[places], dtype))
         for i in numeric:
             variable = columns[i].variable
-            units = dict.fromkeys(u or "1" for u in variable.units)
-            self._units[f"{columns[i].path}.{variable.name}"] = ", ".join(units)
+            self._units[f"{columns[i].path}.{variable.name}"] = tuple(
+                u or "" for u in variable.units
+            )
         self._thread = threading.Thread(target=self._draw, name="uuvsim live view", daemon=True)
         self._thread.start()
 
@@ -148,7 +152,7 @@ class _Page:
         self.clock = server.gui.add_text("time [s]", "", disabled=True)
         self.panel = Panel(server, self.drawn, self.low, self.high)
         self.panel.add_parts()
-        self.panel.add_plots(self.panel.signals(newest))
+        self.panel.add_plots(plotted(newest))
         self.panel.say_notes(self.scene3d)
         self.greatest = {b.name: LEAST for b in self.scene3d.bodies}  # N
         self.last_slow = -np.inf

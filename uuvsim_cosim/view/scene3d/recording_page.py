@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from uuvsim_cosim.view.recorded.traces import Traces
 from uuvsim_cosim.view.scene3d.motion import Motion, extent
 from uuvsim_cosim.view.scene3d.scene import Scene3D
-from uuvsim_cosim.view.scene3d.viser_panel import Panel
+from uuvsim_cosim.view.scene3d.viser_panel import Panel, plotted
 from uuvsim_cosim.view.scene3d.viser_scene import ViserScene
 
 if TYPE_CHECKING:
@@ -19,6 +19,7 @@ __all__ = ["Replay"]
 
 FRAMES = 30.0  # Hz
 SLOW = 5.0  # Hz, at which the slider and the plots move on their own
+SPEEDS = ("0.125 x", "0.25 x", "0.5 x", "1 x", "2 x", "4 x", "8 x", "16 x", "32 x", "64 x")
 IDLE = 0.2  # s between two checks for viewers, while there is none
 
 
@@ -38,13 +39,13 @@ class Replay:
         gui.add_markdown(f"### {scene3d.name.replace('_', ' ')}")
         self.clock = gui.add_text("time [s]", "", disabled=True)
         whole = max(self.end - self.start, 1e-9)
-        self.slider = gui.add_slider("moment", 0.0, whole, whole / 2000.0, 0.0)
+        self.slider = gui.add_slider("time since the start [s]", 0.0, whole, whole / 2000.0, 0.0)
         self.playing = gui.add_checkbox("play", True)
-        self.speed = gui.add_slider("speed, log2", -3.0, 6.0, 0.5, 0.0)
-        self.again = gui.add_checkbox("again and again", False)
+        self.speed = gui.add_dropdown("speed", SPEEDS, initial_value="1 x")
+        self.again = gui.add_checkbox("repeat", False)
         panel = self.panel = Panel(server, self.drawn, low, high)
         panel.add_parts()
-        panel.add_plots(panel.signals(traces))
+        panel.add_plots(plotted(traces))
         panel.say_notes(scene3d)
         self.slider.on_update(self._moved)
         self.playing.on_update(self._begun)
@@ -61,7 +62,7 @@ class Replay:
     @property
     def factor(self) -> float:
         """The seconds of the recording in one of the wall clock."""
-        return float(2.0**self.speed.value)
+        return float(self.speed.value.removesuffix(" x"))
 
     def advance(self, seconds: float) -> None:
         """Advance the replay by `seconds` of wall time; at the end it stops, or begins again."""
