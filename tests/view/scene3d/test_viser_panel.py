@@ -22,7 +22,7 @@ def test_a_camera_moves_with_a_hull_and_is_placed_anew_after_a_gap() -> None:
     panel.server = SimpleNamespace(get_clients=lambda: {0: client})
     panel.follow = SimpleNamespace(value="hull")
     panel._followed = None
-    panel._size = lambda _: 1.0
+    panel.sizes = {"hull": 1.0}
     track = np.array([[0.0, 0, 5], [2, 0, 5], [np.nan, 0, 5], [100, 0, 5], [101, 1, 5]])
     motion: Any = SimpleNamespace(positions={"hull": track})
     offsets = []

@@ -96,11 +96,19 @@ def sections(traces: Traces) -> list[Section]:
     """Return the sections below the lead whose signals were recorded."""
     if traces.vector("hull.eta", 6) is None:
         return _every_output(traces)
+    power: list[Panel] = []
+    voltage, current = traces.scalar("battery.voltage"), traces.scalar("wrench.current_total")
+    if voltage is not None:
+        lines = [Line("voltage", voltage, "truth")]
+        power.append(TimePanel("Battery voltage", "V", lines, least_span=0.5))
+        if current is not None:
+            lines = [Line("power", voltage * current, "estimate", 0)]
+            power.append(TimePanel("Electrical power", "W", lines, include=[0.0]))
     panels = [
         Section("Attitude and velocity", _attitude_and_velocity(traces)),
         Section("Navigation error with its ±3 σ", _navigation(traces), 3),
         Section("Thrust", _thrust(traces), 2),
-        Section("Power", _power(traces), 2),
+        Section("Power", power, 2),
     ]
     return [section for section in panels if section.panels]
 
@@ -168,19 +176,6 @@ def _thrust(traces: Traces) -> list[Panel]:
         ):  # fmt: skip
             panels.append(TimePanel(f"{what} that the controller commands", unit,
                                     _lines(labels, values, 1), include=[0.0]))  # fmt: skip
-    return panels
-
-
-def _power(traces: Traces) -> list[Panel]:
-    panels: list[Panel] = []
-    voltage, current = traces.scalar("battery.voltage"), traces.scalar("wrench.current_total")
-    if voltage is not None:
-        panels.append(
-            TimePanel("Battery voltage", "V", [Line("voltage", voltage, "truth")], least_span=0.5)
-        )
-        if current is not None:
-            power = [Line("power", voltage * current, "estimate", 0)]
-            panels.append(TimePanel("Electrical power", "W", power, include=[0.0]))
     return panels
 
 

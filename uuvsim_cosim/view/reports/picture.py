@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -12,7 +12,7 @@ import numpy as np
 from uuvsim_cosim.cache import written
 from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.view.plots.page import picture_styles
-from uuvsim_cosim.view.plots.plots import Frame, Panel, Rows, TimePanel
+from uuvsim_cosim.view.plots.plots import Frame, Rows
 from uuvsim_cosim.view.plots.svg import text
 from uuvsim_cosim.view.recorded.metrics import figures
 from uuvsim_cosim.view.recorded.traces import Traces, provenance_of
@@ -41,7 +41,13 @@ def picture_svg(traces: Traces, provenance: Mapping[str, Any]) -> str:
     _, _, track_height = track.scales()
     below = {s.title: s.panels for s in sections(traces)}
     extra = list(below.get("Thrust", []))[:1]
-    panels = [*lead_panels(traces, path)[:2], *_navigation(below), *extra][:4]
+    navigation = [
+        replace(p, title=f"Navigation error, {p.title.lower()}, and ±3 σ")
+        for title, shown in below.items()
+        if title.startswith("Nav")
+        for p in shown[:1]
+    ]
+    panels = [*lead_panels(traces, path)[:2], *navigation, *extra][:4]
     tall = track_height + HEAD + 16
     top = 62.0
     shown = ("cross_track_rms", "cross_track_max", "navigation_horizontal_rms", "energy")
@@ -51,8 +57,15 @@ def picture_svg(traces: Traces, provenance: Mapping[str, Any]) -> str:
         f"{provenance.get('system', 'run')}</text>",
         text(MARGIN + 2, 48, "   ·   ".join(key_figures), "tick"),
     ]
-    parts.append(_card(MARGIN, top, left, tall, "Track, seen from above [m]", track.draw(),
-                       _keys(track.estimate is not None)))  # fmt: skip
+    keys, x = "", 0.0
+    entries = [("current", "current"), ("line estimate", "estimate"), ("line truth thick", "true"),
+               ("line desired dash", "path")]  # fmt: skip
+    for style, label in entries:
+        if label != "estimate" or track.estimate is not None:
+            x -= 6.2 * len(label) + 26
+            keys += f'<path class="{style}" d="M{x:.0f} -4h16"/>' + text(x + 21, 0, label, "tick")
+    title = "Track, seen from above [m]"
+    parts.append(_card(MARGIN, top, left, tall, title, track.draw(), keys))
     right = WIDTH - left - GAP - 2 * MARGIN
     shares = np.array([1.7 if isinstance(panel, Rows) else 1.0 for panel in panels])
     heights = (tall - GAP * (len(panels) - 1)) * shares / shares.sum()
@@ -73,17 +86,6 @@ def picture_svg(traces: Traces, provenance: Mapping[str, Any]) -> str:
     )
 
 
-def _navigation(below: Mapping[str, Sequence[Panel]]) -> list[Panel]:
-    found: Sequence[Panel] = next(
-        (panels for title, panels in below.items() if title.startswith("Nav")), []
-    )
-    return [
-        replace(p, title=f"Navigation error, {p.title.lower()}, and ±3 σ")
-        for p in found[:1]
-        if isinstance(p, TimePanel)
-    ]
-
-
 def _card(x: float, y: float, w: float, h: float, title: str, inside: str, keys: str) -> str:
     return (
         f'<g transform="translate({x:.1f} {y:.1f})">'
@@ -92,15 +94,3 @@ def _card(x: float, y: float, w: float, h: float, title: str, inside: str, keys:
         + f'<g transform="translate({w - 14:.1f} 20)">{keys}</g>'
         + f'<g transform="translate(12 {HEAD:g})">{inside}</g></g>'
     )
-
-
-def _keys(estimate: bool) -> str:
-    entries = [("line desired dash", "path"), ("line truth thick", "true")]
-    if estimate:
-        entries.append(("line estimate", "estimate"))
-    entries.append(("current", "current"))
-    parts, x = [], 0.0
-    for style, label in reversed(entries):
-        x -= 6.2 * len(label) + 26
-        parts.append(f'<path class="{style}" d="M{x:.0f} -4h16"/>' + text(x + 21, 0, label, "tick"))
-    return "".join(parts)

@@ -125,6 +125,17 @@ class Plots:
 
     def scripts(self, tracks: Iterable[Track]) -> str:
         """Return the data and the scripts of the page."""
+        found = []
+        for track in tracks:
+            picks = np.unique(np.linspace(0, len(track.time) - 1, POINTS).astype(int))
+            x, y, _ = track.scales()
+            values = {  # of the vehicle's symbol: pixels, and its turn [deg]
+                "time": track.time[picks],
+                "x": x(track.eta[picks, 1]),
+                "y": y(track.eta[picks, 0]),
+                "turn": np.degrees(track.eta[picks, 5]) - 90.0,
+            }
+            found.append({name: encoded(value.astype("<f4")) for name, value in values.items()})
         content = {
             "marks": MARKS,
             "panels": self._panels,
@@ -134,7 +145,7 @@ class Plots:
                 {"start": float(b.x[0]), "t": encoded((b.x - b.x[0]).astype("<f4"))}
                 for b in self._bins
             ],
-            "tracks": [_track_data(track) for track in tracks],
+            "tracks": found,
         }
         text = json.dumps(content, separators=(",", ":"), allow_nan=False).replace("<", "\\u003c")
         licence = own_file("uplot/LICENSE").strip()
@@ -325,16 +336,3 @@ def track_html(tracks: Sequence[tuple[str, Track]]) -> str:
         f'</h3><svg id="track" viewBox="0 0 {first.width:g} {height:.0f}" role="img" '
         f'aria-label="Track: north over east">{first.draw()}{here}</svg></div>'
     )
-
-
-def _track_data(track: Track) -> dict[str, str]:
-    """Return where the vehicle's symbol is at `POINTS` times: pixels, and its turn [deg]."""
-    picks = np.unique(np.linspace(0, len(track.time) - 1, POINTS).astype(int))
-    x, y, _ = track.scales()
-    values = {
-        "time": track.time[picks],
-        "x": x(track.eta[picks, 1]),
-        "y": y(track.eta[picks, 0]),
-        "turn": np.degrees(track.eta[picks, 5]) - 90.0,
-    }
-    return {name: encoded(value.astype("<f4")) for name, value in values.items()}

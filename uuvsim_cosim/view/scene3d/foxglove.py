@@ -29,7 +29,7 @@ from uuvsim_cosim.view.scene3d.colours import (
     rgb,
 )
 from uuvsim_cosim.view.scene3d.motion import Motion, echoes, motion_of
-from uuvsim_cosim.view.scene3d.scene import Body, Mesh, Scene3D
+from uuvsim_cosim.view.scene3d.scene import Mesh, Scene3D
 from uuvsim_cosim.view.scene3d.scene_of_run import placed
 from uuvsim_cosim.view.scene3d.shapes import lathe, terrain_mesh
 
@@ -98,24 +98,25 @@ class FoxgloveScene:
             message = {"timestamp": _stamp(begin), "frame_id": "ned", "poses": poses}
             _say(writer, channel, begin, message)
         for k, at in enumerate(self.nanoseconds):
-            _say(writer, tf, at, {"transforms": self._transforms(k, at)})
-            entities = [
-                _entity(f"{b.name} thrust", b.name, at, lines=[self._thrust(b, k)])
-                for b in self.scene3d.bodies
-                if b.name in self.motion.thrusts
+            transforms = [
+                _transform("world", "ned", np.zeros(3), np.array([0.0, ROOT, ROOT, 0.0]), at)
             ]
+            for name, positions in self.motion.positions.items():
+                if np.isfinite(positions[k]).all():
+                    attitude = self.motion.attitudes.get(name)
+                    q = np.array([1.0, 0.0, 0.0, 0.0]) if attitude is None else attitude[k]
+                    transforms.append(_transform("ned", name, positions[k], q, at))
+            _say(writer, tf, at, {"transforms": transforms})
+            entities = []
+            for b in self.scene3d.bodies:
+                if b.name in self.motion.thrusts:
+                    lengths = self.motion.scales[b.name] * self.motion.thrusts[b.name][k]
+                    r, e = np.array([a.r for a in b.arrows]), np.array([a.e for a in b.arrows])
+                    ends = np.stack([r, r + lengths[:, None] * e], axis=1).reshape(-1, 3)
+                    strip = _strip(ends, ARROW) | {"type": 2, "thickness": 4.0}
+                    entities.append(_entity(f"{b.name} thrust", b.name, at, lines=[strip]))
             if entities:
                 _say(writer, thrust, at, {"deletions": [], "entities": entities})
-
-    def _transforms(self, k: int, at: int) -> list[dict[str, object]]:
-        found = [_transform("world", "ned", np.zeros(3), np.array([0.0, ROOT, ROOT, 0.0]), at)]
-        upright = np.array([1.0, 0.0, 0.0, 0.0])
-        for name, positions in self.motion.positions.items():
-            if np.isfinite(positions[k]).all():
-                attitude = self.motion.attitudes.get(name)
-                q = upright if attitude is None else attitude[k]
-                found.append(_transform("ned", name, positions[k], q, at))
-        return found
 
     def _entities(self, at: int) -> list[dict[str, object]]:
         scene3d, found = self.scene3d, []
@@ -149,14 +150,6 @@ class FoxgloveScene:
             shape = _triangles(ball, MARKER)
             found.append(_entity(marker.name, marker.name, at, triangles=[shape], locked=True))
         return found
-
-    def _thrust(self, body: Body, k: int) -> dict[str, object]:
-        lengths = self.motion.scales[body.name] * self.motion.thrusts[body.name][k]
-        points = []
-        for arrow, length in zip(body.arrows, lengths.tolist(), strict=True):
-            r, e = np.array(arrow.r), np.array(arrow.e)
-            points += [r, r + length * e]
-        return _strip(np.array(points), ARROW) | {"type": 2, "thickness": 4.0}
 
 
 def _channel(writer: Writer, topic: str, name: str, fields: dict[str, str]) -> int:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from uuvsim_cosim.models.declaration.element_names import split_element_name
 from uuvsim_cosim.view.recorded.traces import Array, Traces
-from uuvsim_cosim.view.scene3d.scene import Body, Rays, Scene3D
+from uuvsim_cosim.view.scene3d.scene import Body, Scene3D
 
 __all__ = ["Motion", "echoes", "extent", "motion_of", "quaternions", "turned"]
 
@@ -64,9 +64,14 @@ def motion_of(scene3d: Scene3D, traces: Traces, most: int | None = None) -> Moti
         if believed is not None and believed.ndim == 2 and believed.shape[1] >= 3:
             estimates[body.name] = believed[picks, :3]
         for rays in body.rays:
-            distance = _ranges(traces, rays)
-            if distance is not None:
-                ranges[rays.name] = distance[picks]
+            given, valid = _signal(traces, rays.signal), _signal(traces, rays.valid)
+            if given is None or given.size != n * len(rays.directions):
+                continue
+            distance = given.reshape(n, -1)
+            heard = np.isfinite(distance) & (distance > 0)
+            if valid is not None:
+                heard &= valid.reshape(n, -1) > 0.5
+            ranges[rays.name] = np.where(heard, distance, np.nan)[picks]
     for marker in scene3d.markers:
         at = _signal(traces, marker.signal)
         if at is not None and at.ndim == 2 and at.shape[1] >= 3:
@@ -85,20 +90,6 @@ def _signal(traces: Traces, name: str) -> Array | None:
     if value is None or value.ndim != 2 or len(indices) != 1 or indices[0] > value.shape[1]:
         return None
     return np.asarray(value[:, indices[0] - 1], float)
-
-
-def _ranges(traces: Traces, rays: Rays) -> Array | None:
-    given = _signal(traces, rays.signal)
-    if given is None:
-        return None
-    distance = given.reshape(len(given), -1)
-    if distance.shape[1] != len(rays.directions):
-        return None
-    heard = np.isfinite(distance) & (distance > 0)
-    valid = _signal(traces, rays.valid)
-    if valid is not None:
-        heard &= valid.reshape(len(valid), -1) > 0.5
-    return np.where(heard, distance, np.nan)
 
 
 def quaternions(angles: Array) -> Array:

@@ -47,17 +47,18 @@ class Replay:
         panel.add_parts()
         panel.add_plots(plotted(traces))
         panel.say_notes(scene3d)
-        self.slider.on_update(self._moved)
-        self.playing.on_update(self._begun)
+
+        def moved(event: GuiEvent) -> None:
+            if event.client is not None:  # a viewer moved it, not the replay
+                self.t = self.start + float(self.slider.value)
+
+        def begun(_: GuiEvent) -> None:
+            if self.playing.value and self.t >= self.end:
+                self.t = self.start
+
+        self.slider.on_update(moved)
+        self.playing.on_update(begun)
         self.show()
-
-    def _moved(self, event: GuiEvent) -> None:
-        if event.client is not None:  # a viewer moved it, not the replay
-            self.t = self.start + float(self.slider.value)
-
-    def _begun(self, event: GuiEvent) -> None:
-        if self.playing.value and self.t >= self.end:
-            self.t = self.start
 
     @property
     def factor(self) -> float:

@@ -53,7 +53,18 @@ def scene3d_of_plan(plan: Plan, name: str = "") -> Scene3D:
     for c in plan.components:
         if {"origin", "size", "obstacles"} & set(c.description.variables):
             solids |= {s.name: s for s in pool_solids(c)}
-    scene = _scene(plan, notes)
+    scene: Scene | None = None  # named by a component's source: ``model:multibeam?scene=ID``
+    for id in dict.fromkeys(
+        id
+        for c in plan.components
+        for key, id in parse_qsl(c.source.partition("?")[2])
+        if key in ("scene", "terrain") and id
+    ):
+        try:
+            scene = scene_named(id)
+            break
+        except (UuvsimError, OSError) as error:
+            notes.append(f"scene {id}: not drawn ({error})")
     if scene is not None:
         solids |= {s.name: s for s in scene_solids(scene)}
         notes += [
@@ -201,19 +212,3 @@ def scene_solids(scene: Scene) -> list[Solid]:
         for i, m in enumerate(scene.meshes, len(obstacles) + 1)
     ]
     return obstacles + meshes
-
-
-def _scene(plan: Plan, notes: list[str]) -> Scene | None:
-    """Load the scene that a component's source names: ``model:multibeam?scene=ID``."""
-    named = dict.fromkeys(
-        scene
-        for c in plan.components
-        for key, scene in parse_qsl(c.source.partition("?")[2])
-        if key in ("scene", "terrain") and scene
-    )
-    for name in named:
-        try:
-            return scene_named(name)
-        except (UuvsimError, OSError) as error:
-            notes.append(f"scene {name}: not drawn ({error})")
-    return None

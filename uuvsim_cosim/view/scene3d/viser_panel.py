@@ -58,26 +58,32 @@ class Panel:
         self._followed: Array | None = None
         server.on_client_connect(self.look)  # a new viewer sees the whole scene first
         scene3d = drawn.scene3d
+        self.sizes = {body.name: body.size for body in scene3d.bodies}  # m
         with server.gui.add_folder("Camera"):
             names = [NOTHING, *(b.name for b in scene3d.bodies), *(m.name for m in scene3d.markers)]
             self.follow = server.gui.add_dropdown("camera follows", tuple(names))
             home = server.gui.add_button("show the whole scene")
-        home.on_click(self._go_home)
+
+        def show_all(event: GuiEvent) -> None:
+            self.follow.value = NOTHING
+            if event.client is not None:
+                self.look(event.client)
+
+        home.on_click(show_all)
         self._boxes: dict[str, GuiCheckboxHandle] = {}
         self._plots: list[tuple[GuiDropdownHandle, GuiMarkdownHandle]] = []
 
     def add_parts(self) -> None:
         """Add a checkbox for each part that the scene has."""
         with self.server.gui.add_folder("Shown", expand_by_default=False):
-            for part in PARTS:
+            for part, label in PARTS.items():
                 if part in self.drawn.parts or part in self.drawn.coming:
-                    self._box(part)
-
-    # A method, so that each callback refers to its own checkbox.
-    def _box(self, part: str) -> None:
-        box = self.server.gui.add_checkbox(PARTS[part], True)
-        self._boxes[part] = box
-        box.on_update(lambda event: self.drawn.hide(part, not box.value))
+                    box = self.server.gui.add_checkbox(label, True)
+                    self._boxes[part] = box
+                    # Default arguments, so that each callback refers to its own checkbox.
+                    box.on_update(
+                        lambda _, part=part, box=box: self.drawn.hide(part, not box.value)
+                    )
 
     def add_plots(self, names: Sequence[str]) -> None:
         """Add places for plots, each with the choice of a signal."""
@@ -120,19 +126,11 @@ class Panel:
                 camera = client.camera
                 with client.atomic():
                     if before is None:
-                        size = max(4.0 * self._size(self.follow.value), 1.0)
+                        size = max(4.0 * self.sizes.get(self.follow.value, 0.5), 1.0)
                         camera.position = here + np.array([-size, -0.7 * size, -0.7 * size])
                     else:
                         camera.position = camera.position + (here - before)
                     camera.look_at = here
-
-    def _size(self, name: str) -> float:
-        return next((b.size for b in self.drawn.scene3d.bodies if b.name == name), 0.5)
-
-    def _go_home(self, event: GuiEvent) -> None:
-        self.follow.value = NOTHING
-        if event.client is not None:
-            self.look(event.client)
 
     def look(self, client: ClientHandle) -> None:
         """Let one browser see the whole scene."""
