@@ -18,6 +18,7 @@ from uuvsim_cosim._version import __version__
 from uuvsim_cosim.commands import doctor
 from uuvsim_cosim.commands.learn import (
     collect,
+    envs,
     evaluate,
     export_policy,
     play,
@@ -100,6 +101,7 @@ app.command("terrain", rich_help_panel=SCENE)(terrain.terrain_command)
 app.command("map", rich_help_panel=SCENE)(map_.map_command)
 app.command("study", rich_help_panel=STUDY)(study.study_command)
 app.command("identify", rich_help_panel=STUDY)(identify.identify_command)
+app.command("envs", rich_help_panel=LEARN)(envs.envs_command)
 app.command("train", rich_help_panel=LEARN)(train.train_command)
 app.command("collect", rich_help_panel=LEARN)(collect.collect_command)
 app.command("train-offline", rich_help_panel=LEARN)(train_offline.train_offline_command)

@@ -26,6 +26,10 @@ def test_each_page_of_the_documentation_is_in_the_table_of_contents() -> None:
     index = (DOCS / "index.md").read_text(encoding="utf-8")
     pages = [p.relative_to(DOCS).with_suffix("") for p in DOCS.rglob("*.md")]
     missing = [
-        str(p) for p in pages if p.parts[0] != "_build" and f"\n{p.as_posix()}\n" not in index
+        str(p)
+        for p in pages
+        if p.parts[0] != "_build"
+        and p.parent.parent.name != "reference"  # generated, with indices of their own
+        and f"\n{p.as_posix()}\n" not in index
     ]
     assert [p for p in missing if p != "index"] == []

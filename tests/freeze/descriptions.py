@@ -55,7 +55,11 @@ def sources() -> list[str]:
 
     The shipped defaults do not reach every equation; these reach those of instruments and options.
     """
-    docs = [path for path in ROOT.glob("docs/**/*.md") if "_build" not in path.parts]
+    docs = [
+        path
+        for path in ROOT.glob("docs/**/*.md")
+        if "_build" not in path.parts and path.parents[1].name != "reference"  # generated
+    ]
     pages = [*ROOT.glob("*.md"), *docs, *ROOT.glob("tests/**/*.py")]
     pages += ROOT.glob("orchestrator/systems/*/*.ssd")
     texts = [path.read_text(encoding="utf-8").replace("&amp;", "&") for path in pages]

@@ -86,7 +86,8 @@ def _is_attribute(module: str, name: str) -> bool:
 def _pages() -> Iterator[str]:
     for pattern in ("*.md", "docs/**/*.md", "docs/**/*.py", "matlab/**/*.m", "matlab/**/*.md"):
         for path in sorted(ROOT.glob(pattern)):
-            if "_build" not in path.parts:  # the pages as they were built, with copies of code
+            # Not pages as they were built, generated pages, or the code that generates them.
+            if not {"_build", "extensions"} & {*path.parts} and path.parents[1].name != "reference":
                 yield path.read_text(encoding="utf-8")
     for folder in ("fmus", "models", "orchestrator", "matlab"):
         yield (ROOT / folder / "README.md").read_text(encoding="utf-8")

@@ -143,6 +143,7 @@ QUICK = {
     "models show": "models show battery",
     "models check": "models check --source closed_form",
     "models new": "models new my_rov",
+    "envs": "envs",
     "fmu inspect": "fmu inspect FMU",
     "new": "new tank --for TANK",
     "study": "study study.yaml",

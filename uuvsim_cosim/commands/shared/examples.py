@@ -65,6 +65,7 @@ EXAMPLES: dict[str, tuple[str, ...]] = {
     "fmu client": ("fmu client bluerov2_hold -o .",),
     "pack": ("pack bluerov2_survey -o survey.ssp",),
     "new": ("new controller", "new controller --as c"),
+    "envs": ("envs",),
     "train": ("train source --algo sac --seed 1", "train source --algo sac --seeds 8"),
     "train-offline": ("train-offline s.npz --algo dt -o dt",),
     "collect": ("collect transition_1 --policy scripted --episodes 400 -o s.npz",),
