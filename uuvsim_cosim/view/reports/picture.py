@@ -11,9 +11,10 @@ import numpy as np
 
 from uuvsim_cosim.cache import written
 from uuvsim_cosim.errors import InputInvalid
-from uuvsim_cosim.view.plots.page import picture_styles
+from uuvsim_cosim.view.plots.page import MARKS, picture_styles
 from uuvsim_cosim.view.plots.plots import Frame, Rows
 from uuvsim_cosim.view.plots.svg import text
+from uuvsim_cosim.view.plots.track import VESSEL
 from uuvsim_cosim.view.recorded.metrics import figures
 from uuvsim_cosim.view.recorded.traces import Traces, provenance_of
 from uuvsim_cosim.view.reports.panels import lead_panels, sections, track_of
@@ -60,10 +61,19 @@ def picture_svg(traces: Traces, provenance: Mapping[str, Any]) -> str:
     keys, x = "", 0.0
     entries = [("current", "current"), ("line estimate", "estimate"), ("line truth thick", "true"),
                ("line desired dash", "path")]  # fmt: skip
+    marks = {
+        "estimate": ("estimate marker", MARKS["estimate"]),
+        "true": ("vessel", VESSEL),
+        "path": ("waypoint", MARKS["truth"]),
+    }
     for style, label in entries:
         if label != "estimate" or track.estimate is not None:
             x -= 6.2 * len(label) + 26
             keys += f'<path class="{style}" d="M{x:.0f} -4h16"/>' + text(x + 21, 0, label, "tick")
+            if label in marks:
+                kind, mark = marks[label]
+                place = f"translate({x + 8:.0f} -4) scale(.8)"
+                keys += f'<path class="{kind}" d="{mark}" transform="{place}"/>'
     title = "Track, seen from above [m]"
     parts.append(_card(MARGIN, top, left, tall, title, track.draw(), keys))
     right = WIDTH - left - GAP - 2 * MARGIN
