@@ -226,15 +226,15 @@ def _one_body(rays: tuple[Rays, ...] = ()) -> Scene3D:
 def test_a_sensor_whose_rays_point_nowhere_known_is_noted_once(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    for name in ("_instrument", "_directions"):
-        monkeypatch.setattr(f"uuvsim_cosim.view.scene3d.rays.{name}", lambda *_: None)
+    monkeypatch.setattr("uuvsim_cosim.view.scene3d.rays._instrument", lambda *_: None)
     output = SimpleNamespace(causality="output", shape=(3,), size=3)
     outputs = {"range": output, "altitude": output}
     sensor = SimpleNamespace(path="sonar", description=SimpleNamespace(variables=outputs))
     eta = SimpleNamespace(source=0, target=1, source_variable=SimpleNamespace(name="eta"))
     plan: Any = SimpleNamespace(transfers=[eta], components=[None, sensor])
     notes: list[str] = []
-    assert list(rays_of(plan, 0, lambda *_: np.zeros(3), notes)) == []
+    place: Any = lambda _, name: np.zeros(3) if name == "r_s" else None  # noqa: E731
+    assert list(rays_of(plan, 0, place, notes)) == []
     assert notes == ["sonar.range: where its 3 rays point is not known"]
 
 
