@@ -22,6 +22,7 @@ SHORT: dict[str, str] = {
     "compare_controllers": "--until 6 --controllers pid --cases calm",
     "contact": "",
     "environment_speed": "--repeats 1",
+    "installation": "--until 0.1 --components thruster,battery --platforms linux64",
     "isolation_cost": "--steps 200 --repeats 1",
     "kernel_derivatives": "--environments 8 --steps 5 --repeats 1",
     "kernel_speed": "--envs 16 --steps 5 --repeats 1 --lanes 8 --dtypes float64",
