@@ -74,14 +74,15 @@ def diagram(system: System) -> str:
         _text(_MARGIN, caption_y + _LINE * i, line, 12, _INK if i == 0 else _FAINT)
         for i, line in enumerate(caption)
     ]
-    x, y = width - _MARGIN, _MARGIN + 12
+    legend, x, y = "", width - _MARGIN, _MARGIN + 12
     for kind in reversed(list(dict.fromkeys(b.kind for b in boxes.values()))):
         x -= text_width(kind, 11.5) + 4
-        parts.append(_text(x, y, kind, 11.5, _FAINT))
+        legend += _text(x, y, kind, 11.5, _FAINT)
         x -= 15
-        parts.append(f'<rect x="{x:.1f}" y="{y - 9:.1f}" width="10" height="10" rx="2" '
-                     f'fill="{_KIND.get(kind, "#64748b")}"/>')  # fmt: skip
+        legend += (f'<rect x="{x:.1f}" y="{y - 9:.1f}" width="10" height="10" rx="2" '
+                   f'fill="{_KIND.get(kind, "#64748b")}"/>')  # fmt: skip
         x -= 14
+    parts.append(legend)
     parts.append("</svg>\n")
     return "\n".join(parts)
 
