@@ -66,7 +66,7 @@ def test_a_system_with_longer_steps_than_stated_is_reported(ssd: Path) -> None:
 
 
 def test_a_run_records_what_is_reported(ssd: Path, tmp_path: Path) -> None:
-    from uuvsim_cosim.view.recorded.run_folder import traces_of
+    from uuvsim_cosim.view.recorded.traces import traces_of
 
     scene = tmp_path / "piles"
     s = System("in", "0.02").add("hull", "model:sphere", {"eta_0": (0.2, 0, 10, 0, 0, 0)})

@@ -4,9 +4,7 @@ import base64
 import http.client
 import json
 import re
-import shutil
 import socket
-import subprocess
 import sys
 import threading
 import urllib.request
@@ -20,7 +18,8 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from tests.view.stage_parts import survey_folder, survey_signals
+from tests.view.browser import chromium
+from tests.view.scene_parts import survey_folder, survey_signals
 from uuvsim_cosim.bridge.access.token import known_token, token_file
 from uuvsim_cosim.cli import status_of
 from uuvsim_cosim.errors import InputInvalid
@@ -29,17 +28,17 @@ from uuvsim_cosim.orchestrator.master.observer import Chunk, Column
 from uuvsim_cosim.orchestrator.plan.flatten import flatten
 from uuvsim_cosim.orchestrator.running.library import load
 from uuvsim_cosim.view.recorded.traces import Traces
-from uuvsim_cosim.view.reports.run_report_html import report_html
+from uuvsim_cosim.view.reports.run_report import report_html
 from uuvsim_cosim.view.scene3d.live import History, LiveView
 from uuvsim_cosim.view.scene3d.motion import Motion, motion_of
 from uuvsim_cosim.view.scene3d.recording_page import Replay
-from uuvsim_cosim.view.scene3d.scene import Body, Stage
+from uuvsim_cosim.view.scene3d.scene import Body, Scene3D
 from uuvsim_cosim.view.scene3d.scene_html import scene_data, scene_html
 from uuvsim_cosim.view.scene3d.scene_of_plan import ANYTHING
 from uuvsim_cosim.view.scene3d.scene_of_run import placed
 from uuvsim_cosim.view.scene3d.viser_server import close_server, entry, open_server
 
-Placed = tuple[Stage, Motion, Traces]
+Placed = tuple[Scene3D, Motion, Traces]
 
 
 @pytest.fixture(scope="module")
@@ -100,6 +99,18 @@ def test_the_page_and_its_socket_require_the_token(server: Any) -> None:
     assert asked(server, **UPGRADE, **allowed, Origin=mine) == 101
 
 
+def test_a_browser_may_ask_only_this_server(server: Any) -> None:
+    port = server.get_port()
+    page = http.client.HTTPConnection("127.0.0.1", port)
+    page.request("GET", "/", headers={"Authorization": f"Bearer {known_token('127.0.0.1', port)}"})
+    policy = page.getresponse().headers["Content-Security-Policy"]
+    page.close()
+    hosts = re.findall(r"wss?://(\S+)", policy)
+    assert hosts == [f"127.0.0.1:{port}"] * 2
+    assert "*" not in policy
+    assert not re.search(r"(?<!s)https?:", policy)
+
+
 def test_the_page_serves_no_other_files(server: Any) -> None:
     token = known_token("127.0.0.1", server.get_port())
     for path in ("/" + "../" * 12 + "etc/passwd", "/assets/../../x", "/..\\..\\x", "/C:/x"):
@@ -145,7 +156,7 @@ def test_options_that_do_not_go_together_are_refused(
 
 def test_a_replay_plays_stops_at_its_end_and_begins_again(server: Any, recorded: Placed) -> None:
     replay = Replay(server, *recorded)
-    replay.speed.value = 1.0
+    replay.speed.value = "2 x"
     replay.advance(3.0)
     assert replay.t == pytest.approx(6.0)
     replay.show()
@@ -169,11 +180,11 @@ def test_nobody_looking_leaves_a_replay_where_it_is(server: Any, recorded: Place
 
 
 def test_a_body_without_a_place_vanishes_and_comes_back(server: Any) -> None:
-    stage = Stage("x", (Body("hull", ANYTHING, "hull.eta"),))
+    scene3d = Scene3D("x", (Body("hull", ANYTHING, "hull.eta"),))
     eta = np.zeros((3, 6))
     eta[1] = np.nan
     traces = Traces(np.arange(3.0), {"hull.eta": eta})
-    replay = Replay(server, stage, motion_of(stage, traces), traces)
+    replay = Replay(server, scene3d, motion_of(scene3d, traces), traces)
     seen = []
     for t in range(3):
         replay.t = float(t)
@@ -258,29 +269,29 @@ def _columns(plan: Any) -> list[Column]:
 # ---- the report ---------------------------------------------------------------------------------
 
 
-def _large() -> tuple[Stage, Traces]:
+def _large() -> tuple[Scene3D, Traces]:
     """A fleet over a large terrain, for an hour."""
     random = np.random.default_rng(0)
     n = 36_000
     bodies = tuple(Body(f"v{i}", ANYTHING, f"v{i}.hull.eta") for i in range(24))
     z = (50 + 10 * random.standard_normal((700, 900))).astype(np.float32)
-    stage = Stage("fleet", bodies, terrain=Terrain(z, 1.0, (0.0, 0.0)))
+    scene3d = Scene3D("fleet", bodies, terrain=Terrain(z, 1.0, (0.0, 0.0)))
     values = {b.eta: random.standard_normal((n, 6)).cumsum(axis=0) for b in bodies}
-    return stage, Traces(np.linspace(0, 3600, n), values)
+    return scene3d, Traces(np.linspace(0, 3600, n), values)
 
 
 def test_a_report_of_a_fleet_over_a_large_terrain_stays_below_2_mb() -> None:
-    stage, traces = _large()
-    assert len(scene_html(stage, motion_of(stage, traces, 150)).encode()) < 1.2e6
-    assert len(report_html(traces, {"system": "fleet"}, stage).encode()) < 2e6
+    scene3d, traces = _large()
+    assert len(scene_html(scene3d, motion_of(scene3d, traces, 150)).encode()) < 1.2e6
+    assert len(report_html(traces, {"system": "fleet"}, scene3d).encode()) < 2e6
 
 
 def test_the_scene_s_data_hold_what_was_recorded(recorded: Placed) -> None:
-    stage, motion, _ = recorded
-    data = scene_data(stage, motion)
+    scene3d, motion, _ = recorded
+    data = scene_data(scene3d, motion)
     (body,) = data["bodies"]
     at = np.frombuffer(base64.b64decode(body["p"]), "<f4").reshape(-1, 3)
-    assert at == pytest.approx(motion.positions["hull"], abs=1e-6)
+    assert at + data["origin"] == pytest.approx(motion.positions["hull"], abs=2e-6)
     q = np.frombuffer(base64.b64decode(body["q"]), "<i2").reshape(-1, 4) / 32767
     assert q == pytest.approx(motion.attitudes["hull"], abs=2e-5)
     arrows = np.frombuffer(base64.b64decode(body["arrows"]["v"]), "<i2").reshape(-1, 8)
@@ -291,9 +302,9 @@ def test_the_scene_s_data_hold_what_was_recorded(recorded: Placed) -> None:
 def test_a_flat_bottom_is_drawn_where_there_is_no_terrain() -> None:
     body = Body("hull", ANYTHING, "e")
     terrain = Terrain(np.full((2, 2), 9.0, np.float32), 5.0, (0.0, 0.0))
-    motion = motion_of(Stage("x", (body,)), Traces(np.arange(2.0), {"e": np.zeros((2, 6))}))
+    motion = motion_of(Scene3D("x", (body,)), Traces(np.arange(2.0), {"e": np.zeros((2, 6))}))
     drawn = [
-        len(scene_data(Stage("x", (body,), bottom=bottom, terrain=under), motion)["solids"])
+        len(scene_data(Scene3D("x", (body,), bottom=bottom, terrain=under), motion)["solids"])
         for bottom, under in ((None, None), (20.0, None), (None, terrain), (20.0, terrain))
     ]
     assert drawn == [0, 2, 1, 1]  # the bottom and the surface; a terrain is no solid
@@ -301,9 +312,9 @@ def test_a_flat_bottom_is_drawn_where_there_is_no_terrain() -> None:
 
 def test_depths_of_a_terrain_survive_their_16_bits() -> None:
     z = np.array([[3.0, 177.25], [np.nan, 60.5]], np.float32)
-    stage = Stage("x", (Body("hull", ANYTHING, "e"),), terrain=Terrain(z, 5.0, (1.0, 2.0)))
-    motion = motion_of(stage, Traces(np.arange(2.0), {"e": np.zeros((2, 6))}))
-    terrain = scene_data(stage, motion)["terrain"]
+    scene3d = Scene3D("x", (Body("hull", ANYTHING, "e"),), terrain=Terrain(z, 5.0, (1.0, 2.0)))
+    motion = motion_of(scene3d, Traces(np.arange(2.0), {"e": np.zeros((2, 6))}))
+    terrain = scene_data(scene3d, motion)["terrain"]
     coded = np.frombuffer(base64.b64decode(terrain["z"]), "<i2").reshape(2, 2)
     assert coded[1, 0] == -32768
     found = terrain["low"] + terrain["step"] * coded[[0, 0, 1], [0, 1, 1]]
@@ -312,10 +323,10 @@ def test_depths_of_a_terrain_survive_their_16_bits() -> None:
 
 def test_a_name_cannot_become_markup_nor_a_gap_a_wrong_number() -> None:
     nasty = "</script><script>alert(1)</script>"
-    stage = Stage(nasty, (Body(nasty, ANYTHING, "e"),), notes=(nasty,))
+    scene3d = Scene3D(nasty, (Body(nasty, ANYTHING, "e"),), notes=(nasty,))
     eta = np.zeros((5, 6))
     eta[2] = np.nan
-    html = scene_html(stage, motion_of(stage, Traces(np.arange(5.0), {"e": eta})))
+    html = scene_html(scene3d, motion_of(scene3d, Traces(np.arange(5.0), {"e": eta})))
     assert nasty not in html
     found = re.search(r'<script id="scene-data"[^>]*>(.*?)</script>', html, re.DOTALL)
     assert found is not None
@@ -323,13 +334,8 @@ def test_a_name_cannot_become_markup_nor_a_gap_a_wrong_number() -> None:
 
 
 def test_a_browser_draws_the_report_s_scene(recorded: Placed, tmp_path: Path) -> None:
-    chromium = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which(
-        "google-chrome"
-    )  # fmt: skip
-    if chromium is None:
-        pytest.skip("no Chromium on this machine to open the page with")
-    stage, _, traces = recorded
-    html = report_html(traces, {"system": "survey"}, stage)
+    scene3d, _, traces = recorded
+    html = report_html(traces, {"system": "survey"}, scene3d)
     for forbidden in ("http://", "https://", "url(", "@import", "fetch(", "XMLHttpRequest"):
         assert forbidden not in html
     # The scene alone, and what went wrong in its title, so that a picture tells.
@@ -337,13 +343,8 @@ def test_a_browser_draws_the_report_s_scene(recorded: Placed, tmp_path: Path) ->
     top = "<style>header,.figures,.lead,h2{display:none!important}</style>"
     page.write_text(html.replace("</head>", f"{top}</head>"), encoding="utf-8")
     picture = tmp_path / "report.png"
-    subprocess.run(
-        [chromium, "--headless=new", "--no-sandbox", "--use-angle=swiftshader",
-         "--enable-unsafe-swiftshader", "--hide-scrollbars", "--window-size=900,640",
-         f"--user-data-dir={tmp_path / 'profile'}", "--virtual-time-budget=2000",
-         f"--screenshot={picture}", page.as_uri()],
-        check=True, capture_output=True,
-    )  # fmt: skip
+    chromium(tmp_path, page, "--window-size=900,640", "--virtual-time-budget=2000",
+             f"--screenshot={picture}")  # fmt: skip
     pixels = np.asarray(Image.open(picture).convert("RGB"), int)
     red, green, blue = pixels[..., 0], pixels[..., 1], pixels[..., 2]
     water = (abs(red - 219) < 4) & (abs(green - 232) < 4) & (abs(blue - 240) < 4)

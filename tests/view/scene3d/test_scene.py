@@ -23,8 +23,8 @@ from uuvsim_cosim.view.recorded.traces import Traces
 from uuvsim_cosim.view.scene3d.colours import depth_colours
 from uuvsim_cosim.view.scene3d.motion import echoes, extent, motion_of, quaternions, turned
 from uuvsim_cosim.view.scene3d.rays import rays_of, rotation
-from uuvsim_cosim.view.scene3d.scene import Body, Mesh, Rays, Solid, Stage
-from uuvsim_cosim.view.scene3d.scene_of_plan import ANYTHING, stage_of_plan
+from uuvsim_cosim.view.scene3d.scene import Body, Mesh, Rays, Scene3D, Solid
+from uuvsim_cosim.view.scene3d.scene_of_plan import ANYTHING, scene3d_of_plan
 from uuvsim_cosim.view.scene3d.shapes import (
     basin,
     cropped,
@@ -113,7 +113,7 @@ def test_a_terrain_of_holes_alone_gives_no_triangles() -> None:
 
 
 def test_thrusters_are_found_by_their_wires() -> None:
-    (body,) = stage_of_plan(flatten(load("bluerov2_survey"))).bodies
+    (body,) = scene3d_of_plan(flatten(load("bluerov2_survey"))).bodies
     assert [a.signal for a in body.arrows] == [f"thruster_{i}.thrust" for i in range(1, 9)]
     assert all(np.linalg.norm(a.e) == pytest.approx(1.0) for a in body.arrows)
     assert body.estimate == "navigation.eta"
@@ -123,19 +123,19 @@ def test_thrusters_are_found_by_their_wires() -> None:
 
 
 def test_the_beams_of_a_multibeam_are_those_of_its_model() -> None:
-    (body,) = stage_of_plan(flatten(load("seabed_mapping"))).bodies
+    (body,) = scene3d_of_plan(flatten(load("seabed_mapping"))).bodies
     (rays,) = (r for r in body.rays if r.name == "multibeam")
     beams = beams_of("multibeam", "p900", scene="tacoma")
     assert rays.signal == "multibeam.range"
     assert rays.directions == pytest.approx(beams.directions @ beams.R_bs.T)
 
 
-def test_the_stage_has_what_a_system_has_and_no_more() -> None:
-    stage = stage_of_plan(flatten(target_tracking(3, obstacles=2)))
-    assert [b.name for b in stage.bodies] == ["tracker_1", "tracker_2", "tracker_3"]
-    assert [m.signal for m in stage.markers] == ["target.position"]
-    assert [s.kind for s in stage.solids] == ["basin"]  # obstacles of radius 0 are not there
-    assert all(len(b.arrows) == 8 for b in stage.bodies)
+def test_the_scene_has_what_a_system_has_and_no_more() -> None:
+    scene3d = scene3d_of_plan(flatten(target_tracking(3, obstacles=2)))
+    assert [b.name for b in scene3d.bodies] == ["tracker_1", "tracker_2", "tracker_3"]
+    assert [m.signal for m in scene3d.markers] == ["target.position"]
+    assert [s.kind for s in scene3d.solids] == ["basin"]  # obstacles of radius 0 are not there
+    assert all(len(b.arrows) == 8 for b in scene3d.bodies)
 
 
 def test_names_do_not_matter() -> None:
@@ -147,7 +147,7 @@ def test_names_do_not_matter() -> None:
         .connect("mixer.tau", "boat.tau")
         .connect("screw.thrust", "mixer.thrust[1]")
     )
-    (body,) = stage_of_plan(flatten(system)).bodies
+    (body,) = scene3d_of_plan(flatten(system)).bodies
     assert (body.name, body.eta) == ("boat", "boat.eta")
     assert [a.signal for a in body.arrows] == ["screw.thrust"]
     assert body.size == pytest.approx(vehicle_size("remus100").length, rel=0.01)  # type: ignore[union-attr]
@@ -160,20 +160,20 @@ def test_a_hull_of_unknown_size_is_a_box_and_said_so(tmp_path: Path) -> None:
         encoding="utf-8",
     )
     system = System("own", "0.1").add("hull", f"{tmp_path / 'own.py'}:Hull")
-    stage = stage_of_plan(flatten(system))
-    (body,) = stage.bodies
+    scene3d = scene3d_of_plan(flatten(system))
+    (body,) = scene3d.bodies
     assert body.hull is ANYTHING
-    assert "unknown" in stage.notes[0]
+    assert "unknown" in scene3d.notes[0]
 
 
 def test_a_scene_that_is_not_there_is_said_and_nothing_else_is_lost(tmp_path: Path) -> None:
     plan = flatten(System("x", "0.01").add("hull", "model:remus100"))
     (hull,) = plan.components
     elsewhere = replace(hull, source="model:remus100?scene=atlantis")
-    stage = stage_of_plan(replace(plan, components=(elsewhere,)))
-    assert "atlantis" in " ".join(stage.notes)
-    assert len(stage.bodies) == 1
-    assert stage.terrain is None
+    scene3d = scene3d_of_plan(replace(plan, components=(elsewhere,)))
+    assert "atlantis" in " ".join(scene3d.notes)
+    assert len(scene3d.bodies) == 1
+    assert scene3d.terrain is None
 
 
 def test_the_meshes_of_a_scene_are_drawn_where_they_stand(tmp_path: Path) -> None:
@@ -184,7 +184,7 @@ def test_the_meshes_of_a_scene_are_drawn_where_they_stand(tmp_path: Path) -> Non
         "meshes:\n  - {file: keel.obj, position: [1, 2, 3], unit: m, axes: NED, name: keel}\n"
     )
     system = System("x", "0.01").add("sonar", f"model:multibeam?scene={tmp_path}&beams=3")
-    sphere, keel = stage_of_plan(flatten(system)).solids
+    sphere, keel = scene3d_of_plan(flatten(system)).solids
     assert (keel.name, keel.kind) == ("keel 2", "obstacle")
     corners = keel.mesh.vertices[keel.mesh.faces]
     np.testing.assert_allclose(corners.min(axis=(0, 1)), [1, 2, 3])
@@ -219,22 +219,22 @@ def test_quaternions_turn_as_euler_angles_do(phi: float, theta: float, psi: floa
     )
 
 
-def _one_body(rays: tuple[Rays, ...] = ()) -> Stage:
-    return Stage("x", (Body("hull", ANYTHING, "hull.eta", rays=rays),))
+def _one_body(rays: tuple[Rays, ...] = ()) -> Scene3D:
+    return Scene3D("x", (Body("hull", ANYTHING, "hull.eta", rays=rays),))
 
 
 def test_a_sensor_whose_rays_point_nowhere_known_is_noted_once(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    for name in ("_instrument", "_directions"):
-        monkeypatch.setattr(f"uuvsim_cosim.view.scene3d.rays.{name}", lambda *_: None)
+    monkeypatch.setattr("uuvsim_cosim.view.scene3d.rays._instrument", lambda *_: None)
     output = SimpleNamespace(causality="output", shape=(3,), size=3)
     outputs = {"range": output, "altitude": output}
     sensor = SimpleNamespace(path="sonar", description=SimpleNamespace(variables=outputs))
     eta = SimpleNamespace(source=0, target=1, source_variable=SimpleNamespace(name="eta"))
     plan: Any = SimpleNamespace(transfers=[eta], components=[None, sensor])
     notes: list[str] = []
-    assert list(rays_of(plan, 0, lambda *_: np.zeros(3), notes)) == []
+    place: Any = lambda _, name: np.zeros(3) if name == "r_s" else None  # noqa: E731
+    assert list(rays_of(plan, 0, place, notes)) == []
     assert notes == ["sonar.range: where its 3 rays point is not known"]
 
 
@@ -248,51 +248,51 @@ def test_echoes_over_a_flat_bottom_lie_on_it() -> None:
         [(20.0 - (e[:3] + rotation(*e[3:]) @ r)[2]) / (rotation(*e[3:]) @ d)[2] for d in directions]
         for e in eta
     ])  # fmt: skip
-    stage = _one_body((Rays("sonar", "sonar.range", r, directions),))
+    scene3d = _one_body((Rays("sonar", "sonar.range", r, directions),))
     traces = Traces(np.arange(50.0), {"hull.eta": eta, "sonar.range": ranges})
-    points = echoes(stage.bodies[0], motion_of(stage, traces))
+    points = echoes(scene3d.bodies[0], motion_of(scene3d, traces))
     assert points.shape == (100, 3)
     assert points[:, 2] == pytest.approx(np.full(100, 20.0))
 
 
 def test_echoes_are_thinned_evenly_to_the_most_that_are_asked_for() -> None:
     rays = Rays("sonar", "s.range", np.zeros(3), np.array([[0.0, 0, 1], [0, 1, 0], [1, 0, 0]]))
-    stage = _one_body((rays,))
+    scene3d = _one_body((rays,))
     ranges = 1.0 + np.arange(1200.0).reshape(400, 3)
     traces = Traces(np.arange(400.0), {"hull.eta": np.zeros((400, 6)), "s.range": ranges})
-    motion = motion_of(stage, traces)
-    assert len(echoes(stage.bodies[0], motion)) == 1200
-    few = echoes(stage.bodies[0], motion, most=100)
+    motion = motion_of(scene3d, traces)
+    assert len(echoes(scene3d.bodies[0], motion)) == 1200
+    few = echoes(scene3d.bodies[0], motion, most=100)
     assert 90 <= len(few) <= 100
     depths = few[few[:, 2] > 0.0, 2]  # of the first ray: 1, 1 + 3 k, ...
     assert len(set(np.diff(depths))) == 1
 
 
 def test_a_body_that_does_not_move_has_no_echoes() -> None:
-    stage = _one_body()
-    motion = motion_of(stage, Traces(np.arange(2.0), {"hull.eta": np.zeros((2, 6))}))
-    other = replace(stage.bodies[0], name="other")
-    assert echoes(other, motion).shape == echoes(stage.bodies[0], motion).shape == (0, 3)
+    scene3d = _one_body()
+    motion = motion_of(scene3d, Traces(np.arange(2.0), {"hull.eta": np.zeros((2, 6))}))
+    other = replace(scene3d.bodies[0], name="other")
+    assert echoes(other, motion).shape == echoes(scene3d.bodies[0], motion).shape == (0, 3)
 
 
 def test_a_reading_that_is_held_counts_once_and_a_lost_one_not_at_all() -> None:
     rays = Rays("sonar", "s.range", np.zeros(3), np.array([[0.0, 0, 1], [0, 0, 1]]), "s.valid")
-    stage = _one_body((rays,))
+    scene3d = _one_body((rays,))
     ranges = np.array([[5.0, 0.0], [5.0, 0.0], [6.0, np.nan], [7.0, 8.0]])
     valid = np.array([[1.0, 1], [1, 1], [1, 1], [0, 1]])
     eta = np.zeros((4, 6))
     traces = Traces(np.arange(4.0), {"hull.eta": eta, "s.range": ranges, "s.valid": valid})
-    found = echoes(stage.bodies[0], motion_of(stage, traces))[:, 2]
+    found = echoes(scene3d.bodies[0], motion_of(scene3d, traces))[:, 2]
     assert sorted(found.tolist()) == [5.0, 6.0, 8.0]
 
 
 def test_the_longest_arrow_is_the_greatest_thrust(survey: Traces) -> None:
-    stage = stage_of_plan(flatten(load("bluerov2_survey")))
-    motion = motion_of(stage, survey, most=500)
+    scene3d = scene3d_of_plan(flatten(load("bluerov2_survey")))
+    motion = motion_of(scene3d, survey, most=500)
     assert len(motion.time) <= 500
-    whole = motion_of(stage, survey)
+    whole = motion_of(scene3d, survey)
     longest = np.abs(whole.thrusts["hull"]).max() * whole.scales["hull"]
-    assert longest == pytest.approx(1.5 * stage.bodies[0].size)
+    assert longest == pytest.approx(1.5 * scene3d.bodies[0].size)
     assert motion.scales == whole.scales
 
 
@@ -301,18 +301,18 @@ def test_an_obstacle_kilometres_away_does_not_shrink_what_moves() -> None:
     eta[:, 0] = [0.0, 10.0, 20.0]
     near, far = Cylinder((12, 3, 5), 1, 5), Cylinder((5000, 0, 5), 1, 5)
     solids = tuple(Solid(str(k), obstacle_mesh(o), "obstacle") for k, o in enumerate((near, far)))
-    stage = replace(_one_body(), solids=solids)
-    high = extent(stage, motion_of(stage, Traces(np.arange(3.0), {"hull.eta": eta})))[1]
+    scene3d = replace(_one_body(), solids=solids)
+    high = extent(scene3d, motion_of(scene3d, Traces(np.arange(3.0), {"hull.eta": eta})))[1]
     assert high[0] < 30
     assert high[1] >= 4 - 1e-6  # the near one is within
 
 
 def test_what_is_not_finite_moves_nothing_else() -> None:
-    stage = _one_body()
+    scene3d = _one_body()
     eta = np.zeros((3, 6))
     eta[1] = np.nan
-    motion = motion_of(stage, Traces(np.arange(3.0), {"hull.eta": eta}))
-    low, high = extent(stage, motion)
+    motion = motion_of(scene3d, Traces(np.arange(3.0), {"hull.eta": eta}))
+    low, high = extent(scene3d, motion)
     assert np.isfinite([low, high]).all()
     assert motion.moment(1.4) == 1
     assert motion.moment(-5.0) == 0

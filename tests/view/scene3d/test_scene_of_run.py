@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tests.view.stage_parts import survey_folder, survey_signals
+from tests.view.scene_parts import survey_folder, survey_signals
 from uuvsim_cosim.cli import status_of
 from uuvsim_cosim.errors import InputInvalid, RecordingError
 from uuvsim_cosim.orchestrator.recording.mcap import write_mcap
@@ -38,18 +38,18 @@ def drawn(recording: Path) -> dict[str, list[dict]]:
 
 
 def test_a_recording_beside_its_system_has_its_hull_and_thrusters(recording: Path) -> None:
-    stage, motion, _ = placed(recording)
-    assert stage.notes == ()
+    scene3d, motion, _ = placed(recording)
+    assert scene3d.notes == ()
     assert motion.thrusts["hull"].shape == (121, 8)
     assert motion.ranges["dvl"].shape == (121, 4)
     assert np.isnan(motion.ranges["dvl"][:, 3]).all()
     assert motion.estimates["hull"][:, 0] == pytest.approx(motion.positions["hull"][:, 0] + 0.1)
-    assert len(stage.lines[0].points) > 2
+    assert len(scene3d.lines[0].points) > 2
 
 
-def test_a_stage_names_each_signal_that_moves_it_once(recording: Path) -> None:
-    stage, _, _ = placed(recording)
-    names = stage.signals
+def test_a_scene_names_each_signal_that_moves_it_once(recording: Path) -> None:
+    scene3d, _, _ = placed(recording)
+    names = scene3d.signals
     assert len(names) == len(set(names))
     assert {"hull.eta", *(f"thruster_{k}.thrust" for k in range(1, 9))} <= set(names)
     assert {n.partition(".")[0] for n in names} >= {"hull", "dvl"}
@@ -57,10 +57,10 @@ def test_a_stage_names_each_signal_that_moves_it_once(recording: Path) -> None:
 
 def test_a_recording_alone_is_seen_by_its_names(tmp_path: Path) -> None:
     write_mcap(survey_signals(), tmp_path / "alone.mcap")
-    stage, motion, _ = placed(tmp_path / "alone.mcap")
+    scene3d, motion, _ = placed(tmp_path / "alone.mcap")
     assert list(motion.positions) == ["hull"]
     assert list(motion.estimates) == ["hull"]
-    assert stage.bodies[0].arrows == ()
+    assert scene3d.bodies[0].arrows == ()
 
 
 def test_a_system_beside_another_recording_is_not_taken_for_its_own(tmp_path: Path) -> None:

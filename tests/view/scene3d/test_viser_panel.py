@@ -1,14 +1,18 @@
-"""The camera of the live page follows a hull, and begins anew after a gap."""
+"""Panel of the live page: its camera follows a hull, and its plots have one unit each."""
 
 from __future__ import annotations
 
+import base64
+import re
+import xml.etree.ElementTree as ET
 from contextlib import nullcontext
 from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 
-from uuvsim_cosim.view.scene3d.viser_panel import Panel
+from uuvsim_cosim.view.recorded.traces import Traces
+from uuvsim_cosim.view.scene3d.viser_panel import Panel, plot_markdown
 
 
 def test_a_camera_moves_with_a_hull_and_is_placed_anew_after_a_gap() -> None:
@@ -18,7 +22,7 @@ def test_a_camera_moves_with_a_hull_and_is_placed_anew_after_a_gap() -> None:
     panel.server = SimpleNamespace(get_clients=lambda: {0: client})
     panel.follow = SimpleNamespace(value="hull")
     panel._followed = None
-    panel._size = lambda _: 1.0
+    panel.sizes = {"hull": 1.0}
     track = np.array([[0.0, 0, 5], [2, 0, 5], [np.nan, 0, 5], [100, 0, 5], [101, 1, 5]])
     motion: Any = SimpleNamespace(positions={"hull": track})
     offsets = []
@@ -36,3 +40,16 @@ def test_a_camera_moves_with_a_hull_and_is_placed_anew_after_a_gap() -> None:
     panel.move_camera(motion, 2)  # the hull is lost
     panel.move_camera(motion, 4)
     assert np.array_equal(camera.position - camera.look_at, behind)
+
+
+def test_a_pose_is_plotted_on_one_axis_for_each_unit_with_marked_lines() -> None:
+    units = {"hull.eta": ("m",) * 3 + ("rad",) * 3}
+    eta = np.random.default_rng(0).standard_normal((50, 6))
+    traces = Traces(np.arange(50.0), {"hull.eta": eta}, element_units=units)
+    text = plot_markdown(traces, "hull.eta", 25.0)
+    assert re.findall(r"\*\*(.*?)\*\*", text) == ["`hull.eta` in `m`", "`hull.eta` in `rad`"]
+    pictures = [base64.b64decode(data).decode() for data in re.findall(r"base64,([^)]*)\)", text)]
+    for picture, labels in zip(pictures, ("123", "456"), strict=True):
+        ET.fromstring(picture)
+        assert "".join(re.findall(r">([1-6])</text>", picture)[-3:]) == labels
+        assert picture.count('class="marker truth"') > 3

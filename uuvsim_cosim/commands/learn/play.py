@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from uuvsim_cosim.orchestrator.plan.plan import Plan
     from uuvsim_cosim.view.recorded.traces import Array, Traces
     from uuvsim_cosim.view.scene3d.motion import Motion
-    from uuvsim_cosim.view.scene3d.scene import Solid, Stage
+    from uuvsim_cosim.view.scene3d.scene import Scene3D, Solid
 
 __all__ = ["episode_of", "play_command"]
 
@@ -35,10 +35,10 @@ GOAL = "goal"
 
 def episode_of(
     task: Task | TeamTask, policy: Any, seed: int, name: str
-) -> tuple[Stage, Motion, Traces]:
+) -> tuple[Scene3D, Motion, Traces]:
     """Play episode 0 of a seed and return its motion; raises InputInvalid without a pose.
 
-    The task is not changed: a copy of it reads the signals that move its stage as well.
+    The task is not changed: a copy of it reads the signals that move its scene as well.
     """
     import numpy as np
 
@@ -47,17 +47,17 @@ def episode_of(
     from uuvsim_cosim.view.recorded.traces import Traces
     from uuvsim_cosim.view.scene3d.motion import motion_of
     from uuvsim_cosim.view.scene3d.scene import Marker
-    from uuvsim_cosim.view.scene3d.scene_of_plan import stage_of_plan
+    from uuvsim_cosim.view.scene3d.scene_of_plan import scene3d_of_plan
 
     plan = flatten(task.system)
-    stage = stage_of_plan(plan, name)
-    if not stage.bodies:
+    scene3d = scene3d_of_plan(plan, name)
+    if not scene3d.bodies:
         raise InputInvalid(
             f"--view: no component of {name} has a pose (eta) that tau moves",
             "a task with a vehicle, or no --view",
         )
     time: list[float] = []
-    rows: dict[str, list[Array]] = {name: [] for name in stage.signals}
+    rows: dict[str, list[Array]] = {name: [] for name in scene3d.signals}
     goals: list[Array] = []
     start: dict[str, Array] = {}
 
@@ -73,7 +73,7 @@ def episode_of(
         return view
 
     watched: Any = copy.copy(task)
-    watched.signals = tuple(dict.fromkeys((*task.signals, *stage.signals)))
+    watched.signals = tuple(dict.fromkeys((*task.signals, *scene3d.signals)))
     watched.view = watch
     for _ in frames_of(watched, policy, seed):
         pass
@@ -83,18 +83,20 @@ def episode_of(
     if len(goals) == len(time):
         values[f"{GOAL}.position"] = np.array(goals)[picks]
     if goals:
-        stage = replace(stage, markers=(*stage.markers, Marker(GOAL, f"{GOAL}.position", 0.08)))
-    stage = replace(stage, solids=tuple(_solids(plan, start, stage)))
+        scene3d = replace(
+            scene3d, markers=(*scene3d.markers, Marker(GOAL, f"{GOAL}.position", 0.08))
+        )
+    scene3d = replace(scene3d, solids=tuple(_solids(plan, start, scene3d)))
     units = {
         f"{c.path}.{v.name}": ", ".join(dict.fromkeys(u or "1" for u in v.units))
         for c in plan.components
         for v in c.description.variables.values()
     }
     traces = Traces(times, values, units)
-    return stage, motion_of(stage, traces), traces
+    return scene3d, motion_of(scene3d, traces), traces
 
 
-def _solids(plan: Plan, start: dict[str, Array], stage: Stage) -> Iterator[Solid]:
+def _solids(plan: Plan, start: dict[str, Array], scene3d: Scene3D) -> Iterator[Solid]:
     """Yield the still bodies of this episode: pools and obstacles may be random."""
     from uuvsim_cosim.view.scene3d.scene_of_plan import pool_solids
 
@@ -104,7 +106,7 @@ def _solids(plan: Plan, start: dict[str, Array], stage: Stage) -> Iterator[Solid
         if not c.description.variables.keys().isdisjoint(names):
             drawn = {n: start[f"{c.path}.{n}"] for n in names if f"{c.path}.{n}" in start}
             found |= {s.name: s for s in pool_solids(c, drawn)}
-    yield from found.values() or stage.solids
+    yield from found.values() or scene3d.solids
 
 
 SEED = 2_000_000

@@ -189,7 +189,7 @@ def transfer_section(results: Path) -> tuple[list[Verdict], str, list[Path]]:
     """Return rows of figure 11, the text for the page, and the pictures written."""
     from uuvsim_cosim.learn.paper.transfer_runs import CONDITIONS, WAYS, read_transfers
     from uuvsim_cosim.learn.paper.verdicts import cells_of, transfer_verdicts
-    from uuvsim_cosim.view.reports.transfer_figure import Mark, transfer_svg
+    from uuvsim_cosim.view.reports.reproduction_figures import Mark, transfer_svg
 
     found = read_transfers(results / FOLDER)
     cells = cells_of(found)

@@ -298,7 +298,7 @@ def train_through(
                 )  # fmt: skip
             written = None
             if report:
-                from uuvsim_cosim.view.reports.curriculum_report import write_curriculum_report
+                from uuvsim_cosim.view.reports.training_report import write_curriculum_report
 
                 progress.say("judging the best policy of the last stage, and drawing it")
                 write_judged(folder)

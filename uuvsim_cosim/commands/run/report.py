@@ -1,4 +1,4 @@
-"""`uuvsim report`: write the one-file report of a run again, or its static picture."""
+"""`uuvsim report`: write the one-file report of a run or of two, or a run's static picture."""
 
 from __future__ import annotations
 
@@ -15,18 +15,39 @@ __all__ = ["report_command"]
 
 def report_command(
     run: Annotated[Path, typer.Argument(help="Folder that `uuvsim run` wrote.")],
+    other: Annotated[
+        Path | None,
+        typer.Argument(help="Folder of a second run: the report then compares both."),
+    ] = None,
     out: Annotated[
         Path | None,
-        typer.Option("--out", "-o", help="report.html in the run's folder; .svg: a picture."),
+        typer.Option(
+            "--out",
+            "-o",
+            help="report.html in the run's folder, compared_with_NAME.html for two; "
+            ".svg: a picture of one run.",
+        ),
     ] = None,
 ) -> None:
-    """Write the report of a run: one HTML file that opens offline, or a picture as SVG."""
-    if out is not None and out.suffix.lower() not in (".html", ".htm", ".svg"):
-        raise InputInvalid(out, f"ending {out.suffix!r} was read", ".html or .svg")
-    from uuvsim_cosim.view.reports.write_run_report import write_report, write_run_picture
+    """Write the report of a run, or of two: one HTML file that opens offline.
 
-    if out is not None and out.suffix.lower() == ".svg":
-        written = write_run_picture(run, out)
+    It has figures of merit, plots that zoom, and every recorded signal.
+    """
+    suffix = ".html" if out is None else out.suffix.lower()
+    if suffix not in (".html", ".htm", ".svg"):
+        raise InputInvalid(out, f"ending {suffix!r} was read", ".html or .svg")
+    if suffix == ".svg":
+        if other is not None:
+            raise InputInvalid(out, "a picture shows one run", ".html to compare two runs")
+        from uuvsim_cosim.view.reports.picture import write_run_picture
+
+        written = write_run_picture(run, out or "")
+    elif other is not None:
+        from uuvsim_cosim.view.reports.run_comparison import write_comparison
+
+        written = write_comparison(run, other, out)
     else:
+        from uuvsim_cosim.view.reports.run_report import write_report
+
         written = write_report(run, out)
     file_line(written)

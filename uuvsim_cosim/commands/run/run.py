@@ -187,7 +187,7 @@ def run_command(
         raise InputInvalid(f"--overruns {overruns}: expected --real-time FACTOR with it")
     from uuvsim_cosim.orchestrator.master.real_time import Pace
     from uuvsim_cosim.orchestrator.running.run import Interrupted, run
-    from uuvsim_cosim.view.reports.write_run_report import write_metrics, write_report
+    from uuvsim_cosim.view.reports.run_report import write_metrics, write_report
 
     pace = None if real_time is None else Pace(real_time, overruns)  # type: ignore[arg-type]
     about = {

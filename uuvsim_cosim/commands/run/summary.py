@@ -25,7 +25,7 @@ def summary(run: Run, surveyed: SeabedMap | None = None) -> tuple[list[Figure], 
 
     from uuvsim_cosim.scene.run_warnings import contact_warnings, terrain_warnings
     from uuvsim_cosim.view.recorded.metrics import Figure, figures
-    from uuvsim_cosim.view.recorded.run_folder import traces_of
+    from uuvsim_cosim.view.recorded.traces import traces_of
 
     path = None if run.waypoints is None else np.asarray(run.waypoints)
     traces = traces_of(run.folder)

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from uuvsim_cosim.view.recorded.traces import Traces
     from uuvsim_cosim.view.scene3d.live import LiveView
     from uuvsim_cosim.view.scene3d.motion import Motion
-    from uuvsim_cosim.view.scene3d.scene import Stage
+    from uuvsim_cosim.view.scene3d.scene import Scene3D
 
 __all__ = ["HOST", "PORT", "Watched", "announce", "serve", "view_command"]
 
@@ -45,24 +45,24 @@ def view_command(
     from uuvsim_cosim.view.scene3d.viser_server import close_server, open_server
 
     found = run if run is not None else newest_run()
-    stage, motion, traces = placed(found)
-    server = open_server(port, host, stage.name)
+    scene3d, motion, traces = placed(found)
+    server = open_server(port, host, scene3d.name)
     try:
-        serve(server, tilde(found), (stage, motion, traces), show=open_)
+        serve(server, tilde(found), (scene3d, motion, traces), show=open_)
     finally:
         close_server(server)
 
 
 def serve(
-    server: ViserServer, what: str, recorded: tuple[Stage, Motion, Traces], *, show: bool
+    server: ViserServer, what: str, recorded: tuple[Scene3D, Motion, Traces], *, show: bool
 ) -> None:
     """Serve a replay until Ctrl-C, which is its normal end."""
     from uuvsim_cosim.view.scene3d.recording_page import Replay
 
-    stage, motion, traces = recorded
-    replay = Replay(server, stage, motion, traces)
+    scene3d, motion, traces = recorded
+    replay = Replay(server, scene3d, motion, traces)
     announce(server, f"{what}, {motion.time[-1] - motion.time[0]:g} s", show=show)
-    for note in stage.notes:
+    for note in scene3d.notes:
         line(f"not drawn: {note}")
     answer().write_early()
     try:

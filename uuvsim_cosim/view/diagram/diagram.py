@@ -27,7 +27,14 @@ def diagram(system: System) -> str:
     boxes, nets = boxes_and_nets(system)
     layout = laid_out(boxes, nets)
     routes = routed(layout, boxes, nets)
-    caption = _caption(system)
+    caption = ["no loops" if system.elements else "no components"]
+    loops = loop_delays(plan_to_inspect(system)[0]) if system.elements else []
+    if loops:
+        caption = ["Loops and their delay, one step for each connection:", *loop_lines(loops)]
+        caption += [
+            f"Shaded: {', '.join(g.members)} step in this order ({g.algorithm})"
+            for g in system.groups
+        ]
     facts = f"tick {step_text(system.base_step * 1000)} ms, {len(system.elements)} components"
     title = f"{system.description}. {facts}" if system.description else facts
     width = max(
@@ -67,21 +74,17 @@ def diagram(system: System) -> str:
         _text(_MARGIN, caption_y + _LINE * i, line, 12, _INK if i == 0 else _FAINT)
         for i, line in enumerate(caption)
     ]
-    parts.append(_legend(boxes, width, _MARGIN + 12))
+    legend, x, y = "", width - _MARGIN, _MARGIN + 12
+    for kind in reversed(list(dict.fromkeys(b.kind for b in boxes.values()))):
+        x -= text_width(kind, 11.5) + 4
+        legend += _text(x, y, kind, 11.5, _FAINT)
+        x -= 15
+        legend += (f'<rect x="{x:.1f}" y="{y - 9:.1f}" width="10" height="10" rx="2" '
+                   f'fill="{_KIND.get(kind, "#64748b")}"/>')  # fmt: skip
+        x -= 14
+    parts.append(legend)
     parts.append("</svg>\n")
     return "\n".join(parts)
-
-
-def _caption(system: System) -> list[str]:
-    if not system.elements:
-        return ["no components"]
-    loops = loop_delays(plan_to_inspect(system)[0])
-    if not loops:
-        return ["no loops"]
-    groups = [
-        f"Shaded: {', '.join(g.members)} step in this order ({g.algorithm})" for g in system.groups
-    ]
-    return ["Loops and their delay, one step for each connection:", *loop_lines(loops), *groups]
 
 
 def _box(box: Box, place: Place, x: float) -> str:
@@ -108,20 +111,6 @@ def _box(box: Box, place: Place, x: float) -> str:
         label = box.labels[f"> {port}"]
         parts.append(_text(x + w - 9, y + HEAD + ROW * (i + 0.5) + 4, label, 11.5, anchor="end"))
     return "<g>" + "".join(parts) + "</g>"
-
-
-def _legend(boxes: dict[str, Box], width: float, y: float) -> str:
-    kinds = list(dict.fromkeys(b.kind for b in boxes.values()))
-    parts, x = [], width - _MARGIN
-    for kind in reversed(kinds):
-        x -= text_width(kind, 11.5) + 4
-        parts.append(_text(x, y, kind, 11.5, _FAINT))
-        x -= 15
-        colour = _KIND.get(kind, "#64748b")
-        parts.append(f'<rect x="{x:.1f}" y="{y - 9:.1f}" width="10" height="10" rx="2" '
-                     f'fill="{colour}"/>')  # fmt: skip
-        x -= 14
-    return "".join(parts)
 
 
 def _text(

@@ -70,8 +70,16 @@ def laid_out(boxes: Mapping[str, Box], nets: list[Net]) -> Layout:
             passages[n, column] = Place(column, 0.0, 0.0, 4.0)
     layout = Layout(places, passages, columns)
     layout.widths = [max((places[k].width for k, n in c if n < 0), default=0.0) for c in columns]
-    links = _links(nets, layer)
-    _order(layout, links)
+    # The pieces of nets between neighbouring columns: (left column, left cell, right cell).
+    links: dict[tuple[int, Cell, Cell], None] = {}
+    for n, net in enumerate(nets):
+        for target, _ in net.targets:
+            cell: Cell = (net.source[0], -1)
+            for column in range(layer[net.source[0]], layer[target]):
+                following: Cell = (target, -1) if column + 1 == layer[target] else ("", n)
+                links[column, cell, following] = None
+                cell = following
+    _order(layout, list(links))
     # Heights depend on the order of ports and the other way round, so the two alternate.
     for _ in range(4):
         _heights(layout, boxes, nets)
@@ -128,21 +136,6 @@ def _few_backward(keys: list[str], edges: Mapping[tuple[str, str], int]) -> list
         if not moved:
             break
     return order
-
-
-def _links(nets: list[Net], layer: Mapping[str, int]) -> list[tuple[int, Cell, Cell]]:
-    """Return the pieces of nets between neighbouring columns: (left column, left, right cell)."""
-    links: dict[tuple[int, Cell, Cell], None] = {}
-    for n, net in enumerate(nets):
-        start = layer[net.source[0]]
-        for target, _ in net.targets:
-            cell: Cell = (net.source[0], -1)
-            for column in range(start, layer[target]):
-                last = column + 1 == layer[target]
-                following: Cell = (target, -1) if last else ("", n)
-                links[column, cell, following] = None
-                cell = following
-    return list(links)
 
 
 def _order(layout: Layout, links: list[tuple[int, Cell, Cell]]) -> None:

@@ -49,7 +49,14 @@ def routed(layout: Layout, boxes: Mapping[str, Box], nets: list[Net]) -> Routed:
     places = [*layout.boxes.values(), *layout.passages.values()]
     bottom = max((p.y + p.height for p in places), default=0.0)
     column = {key: place.column for key, place in layout.boxes.items()}
-    channels = _channels(nets, column, bottom)
+    spans: dict[int, int] = {}  # columns of a backward net, which passes below the boxes
+    for n, net in enumerate(nets):
+        start = column[net.source[0]]
+        back = [start - column[t] for t, _ in net.targets if column[t] <= start]
+        if back:
+            spans[n] = max(back)
+    order = sorted(spans, key=lambda n: (spans[n], n))  # short ones lie above long ones
+    channels = {n: bottom + 20.0 + _CHANNEL * i for i, n in enumerate(order)}
     trunks: list[dict[int, _Trunk]] = [{} for _ in range(len(layout.columns) + 1)]
 
     def join(gap: int, net: int, entry: float, out: float) -> None:
@@ -120,18 +127,6 @@ class _Drawing:
 
     def _x(self, gap: int, n: int) -> float:
         return self.gaps[gap] + _EDGE + TRACK * self.trunks[gap][n].track
-
-
-def _channels(nets: list[Net], column: Mapping[str, int], bottom: float) -> dict[int, float]:
-    """Return the height of each backward net below the boxes: short ones above long ones."""
-    spans: dict[int, int] = {}
-    for n, net in enumerate(nets):
-        start = column[net.source[0]]
-        back = [start - column[t] for t, _ in net.targets if column[t] <= start]
-        if back:
-            spans[n] = max(back)
-    order = sorted(spans, key=lambda n: (spans[n], n))
-    return {n: bottom + 20.0 + _CHANNEL * i for i, n in enumerate(order)}
 
 
 def _assign(trunks: dict[int, _Trunk]) -> None:

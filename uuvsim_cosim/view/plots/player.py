@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from uuvsim_cosim.view.plots.palette import page_styles
+from uuvsim_cosim.view.plots.page import page_html
 from uuvsim_cosim.view.plots.png import png
 from uuvsim_cosim.view.plots.svg import escape
 
@@ -43,14 +43,10 @@ def player_html(
     )
     style = "#film img{width:100%;max-width:640px;display:block}#film img[hidden]{display:none}"
     script = SCRIPT.replace("PERIOD", f"{1000 * seconds:g}")
-    return (
-        '<!doctype html>\n<html lang="en"><head><meta charset="utf-8">'
-        '<meta name="viewport" content="width=device-width,initial-scale=1">'
-        f"<title>{escape(title)} · uuvsim</title>\n<style>{page_styles()}{style}</style></head>\n"
-        f"<body><main><header><h1>{escape(title)}</h1><p>{escape(subtitle)}</p></header>"
-        f'<div class="figures">{tiles}</div>'
-        f'<div class="card"><div id="film">{images}</div><p><button id="go" type="button">play'
-        f'</button> <input id="at" type="range" min="0" max="{len(frames) - 1}" value="0" '
-        'aria-label="moment" style="width:60%"></p></div>'
-        f"</main><script>{script}</script></body></html>\n"
-    )
+    body = [
+        f"<header><h1>{escape(title)}</h1><p>{escape(subtitle)}</p></header>",
+        f'<div class="figures">{tiles}</div><div class="card"><div id="film">{images}</div>',
+        '<p><button id="go" type="button">play</button> <input id="at" type="range" min="0" '
+        f'max="{len(frames) - 1}" value="0" aria-label="frame" style="width:60%"></p></div>',
+    ]
+    return page_html(title, "uuvsim", body, style=style, scripts=f"<script>{script}</script>")

@@ -1,4 +1,4 @@
-"""Panels over time: lines and bands, rows of filled bars, and sticks for a direction."""
+"""Panels over time: lines and bands, and rows of filled bars; a report draws them by uPlot."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from uuvsim_cosim.view.plots.page import MARKS
 from uuvsim_cosim.view.plots.svg import (
     Scale,
     decimate,
@@ -18,7 +19,7 @@ from uuvsim_cosim.view.plots.svg import (
 )
 from uuvsim_cosim.view.recorded.traces import Array
 
-__all__ = ["Band", "Frame", "Line", "Panel", "Rows", "Sticks", "TimePanel", "unwrapped_degrees"]
+__all__ = ["Band", "Frame", "Line", "Panel", "Rows", "TimePanel"]
 
 BINS = 420
 
@@ -41,14 +42,18 @@ class Frame:
 
 @dataclass(frozen=True)
 class Line:
-    """A curve over time; `style` is one of the page's classes, `digits` those of its read-out."""
+    """A curve over time; `style` is one of the page's classes, `digits` those of its value.
+
+    With `digits` -1, the value is shown with five significant digits. `run` is 1 for the second
+    run of a comparison.
+    """
 
     label: str
     value: Array
     style: str
     digits: int = 2
     dashed: bool = False
-    readout_only: bool = False
+    run: int = 0
 
 
 @dataclass(frozen=True)
@@ -99,8 +104,7 @@ class TimePanel(Panel):
 
     def limits(self) -> tuple[float, float]:
         """Return the range of the value axis: all of the lines, most of the bands."""
-        lines = [line.value for line in self.lines if not line.readout_only]
-        finite = [v[np.isfinite(v)] for v in lines]
+        finite = [line.value[np.isfinite(line.value)] for line in self.lines]
         lows = [float(v.min()) for v in finite if v.size] + list(self.include)
         highs = [float(v.max()) for v in finite if v.size] + list(self.include)
         low, high = (min(lows), max(highs)) if lows else (0.0, 1.0)
@@ -113,13 +117,8 @@ class TimePanel(Panel):
 
     def draw(self, time: Array, frame: Frame) -> str:
         """Return the inside of an SVG of the frame's size."""
-        low, high = self.limits()
-        bottom = frame.height - frame.bottom
-        y = (
-            Scale(low, high, frame.top, bottom)
-            if self.down
-            else Scale(low, high, bottom, frame.top)
-        )
+        y = self._scale(frame)
+        low, high = y.low, y.high
         x = frame.time_scale(time)
         parts = [_time_axis(time, frame)]
         right = frame.width - frame.right
@@ -134,22 +133,42 @@ class TimePanel(Panel):
             limit = [np.clip(v[::every], low, high) for v in (band.low, band.high)]
             parts.append(polygon(x(time[::every]), y(limit[0]), y(limit[1]), band.style))
         for line in self.lines:
-            if line.readout_only:
-                continue
             t, v = decimate(time, line.value, BINS)
             style = f"line {line.style}" + (" dash" if line.dashed else "")
             parts.append(path(x(t), y(v), style))
         return "".join(parts)
+
+    def marks(self, time: Array, frame: Frame) -> str:
+        """Return about six marks on each line, by which lines are told apart without colour."""
+        x, y = frame.time_scale(time), self._scale(frame)
+        return "".join(
+            f'<path class="marker {line.style}" d="{MARKS[line.style]}" transform='
+            f'"translate({float(x(time[i])):.1f} {float(y(line.value[i])):.1f})"/>'
+            for k, line in enumerate(self.lines)
+            for i in range((k + 1) * len(time) // (6 * len(self.lines) + 1), len(time),
+                           max(1, len(time) // 6))
+            if np.isfinite(line.value[i])
+        )  # fmt: skip
+
+    def _scale(self, frame: Frame) -> Scale:
+        low, high = self.limits()
+        bottom = frame.height - frame.bottom
+        ends = (frame.top, bottom) if self.down else (bottom, frame.top)
+        return Scale(low, high, *ends)
 
 
 @dataclass(frozen=True)
 class Rows(Panel):
     """One row for each line on a common scale, filled from zero: the mean and the extremes."""
 
+    def reach(self) -> float:
+        """Return the greatest magnitude of all lines: half the height of a row."""
+        most = [float(np.nanmax(np.abs(line.value), initial=0.0)) for line in self.lines]
+        return max(most, default=0.0) or 1.0
+
     def draw(self, time: Array, frame: Frame) -> str:
         """Return the inside of an SVG of the frame's size."""
-        reach = max((float(np.nanmax(np.abs(v.value), initial=0.0)) for v in self.lines),
-                    default=0.0) or 1.0  # fmt: skip
+        reach = self.reach()
         top = frame.top + 12
         row = (frame.height - top - frame.bottom) / max(len(self.lines), 1)
         x = frame.time_scale(time)
@@ -173,47 +192,3 @@ class Rows(Panel):
         parts.append(f'<path class="axis" d="M{right + 3:g} {top:.1f}v{row:.1f}"/>')
         legend = f"height of a row: ±{reach:.3g} {self.unit}"
         return "".join(parts) + text(right + 3, top - 4, legend, "tick", "end")
-
-
-@dataclass(frozen=True)
-class Sticks(Panel):
-    """Sticks along time that point where a horizontal vector points: up is north, right east."""
-
-    north: Array | None = None
-    east: Array | None = None
-
-    def draw(self, time: Array, frame: Frame) -> str:
-        """Return the inside of an SVG of the frame's size."""
-        if self.north is None or self.east is None:
-            return ""
-        x = frame.time_scale(time)
-        speed = np.hypot(self.north, self.east)
-        reach = float(np.nanmax(speed, initial=0.0)) or 1.0
-        bottom = frame.height - frame.bottom
-        up = max(float(np.nanmax(self.north)), 0.0)
-        down = max(float(np.nanmax(-self.north)), 0.0)
-        scale = min((bottom - frame.top - 10) / max(up + down, 0.5 * reach), 46.0 / reach)
-        spare = bottom - frame.top - (up + down) * scale
-        middle = frame.top + 0.5 * spare + up * scale
-        picks = np.linspace(0, len(time) - 1, min(len(time), 130)).astype(int)
-        parts = [_time_axis(time, frame)]
-        right = frame.width - frame.right
-        parts.append(f'<path class="zero" d="M{frame.left:g} {middle:.1f}H{right:g}"/>')
-        sticks = "".join(
-            f"M{float(x(time[i])):.1f} {middle:.1f}"
-            f"l{self.east[i] * scale:.1f} {-self.north[i] * scale:.1f}"
-            for i in picks
-            if np.isfinite(speed[i])
-        )
-        parts.append(f'<path class="line {self.lines[0].style} thin" d="{sticks}"/>')
-        key = nice_ticks(0, reach, 2)[1] if len(nice_ticks(0, reach, 2)) > 1 else reach
-        parts.append(
-            f'<path class="axis" d="M{frame.left - 10:g} {middle:.1f}v{-key * scale:.1f}"/>'
-        )
-        parts.append(text(2, middle + 12, f"{key:g} {self.unit}", "tick"))
-        return "".join(parts)
-
-
-def unwrapped_degrees(angle: Array) -> Array:
-    """Return an angle [rad] in degrees without jumps at ±180."""
-    return np.degrees(np.unwrap(angle))

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from uuvsim_cosim.view.plots.page import MARKS, key_html
 from uuvsim_cosim.view.plots.svg import Scale, escape, nice_ticks, path, polygon, text
 from uuvsim_cosim.view.recorded.traces import Array
 
@@ -31,11 +32,11 @@ class Course:
 
 def card(title: str, unit: str, body: str, keys: Sequence[tuple[str, str]] = ()) -> str:
     """Return a picture with its title; `keys` are (style, label)."""
-    legend = "".join(
-        f'<span class="key"><svg viewBox="0 0 18 9"><path class="line {style}" d="M0 4.5H18"/>'
-        f"</svg>{escape(label)}</span>"
-        for style, label in keys
-    )
+    legend = ""
+    for style, label in keys:
+        dashed = "dash" in style
+        mark = "" if dashed else None
+        legend += key_html(style.split()[0], label, dashed=dashed, mark=mark)
     return (
         f'<div class="card"><h3>{escape(title)} '
         f'<span class="unit">{f"[{escape(unit)}]" if unit not in ("", "1") else ""}</span>'
@@ -101,7 +102,8 @@ def grid_lines(courses: Sequence[Course], label: str) -> str:
         lines += path(x, mean, f"line {style}")
         for px, py in zip(x, mean, strict=True):
             if np.isfinite(py):
-                lines += f'<circle class="point {style}" cx="{px:.1f}" cy="{py:.1f}" r="3"/>'
+                place = f"translate({px:.1f} {py:.1f})"
+                lines += f'<path class="marker {style}" d="{MARKS[style]}" transform="{place}"/>'
     return _axes(sx, sy, label) + bands + lines
 
 

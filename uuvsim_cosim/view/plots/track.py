@@ -6,10 +6,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from uuvsim_cosim.view.plots.page import MARKS
 from uuvsim_cosim.view.plots.svg import Scale, nice_ticks, path, text
 from uuvsim_cosim.view.recorded.traces import Array
 
-__all__ = ["Track"]
+__all__ = ["VESSEL", "Track"]
 
 POINTS = 1600
 VESSEL = "M9 0L-6 5.5L-3 0L-6 -5.5Z"
@@ -25,6 +26,7 @@ class Track:
     estimate: Array | None = None  # (T, >= 2)
     fixes: Array | None = None  # (k, 2) position fixes, e.g. of USBL
     current: Array | None = None  # (T, >= 2)
+    other: Array | None = None  # (T', >= 2) true positions of the run that it is compared with
     width: float = 720
     tallest: float = 660
     least: float = 320
@@ -32,7 +34,7 @@ class Track:
     def scales(self) -> tuple[Scale, Scale, float]:
         """Return the scales of east and north, and the height, with one metre equal on both."""
         points = [self.eta[:, :2]]
-        points += [p[:, :2] for p in (self.path, self.estimate) if p is not None]
+        points += [p[:, :2] for p in (self.path, self.estimate, self.other) if p is not None]
         everything = np.concatenate(points)
         everything = everything[np.isfinite(everything).all(axis=1)]
         low, high = everything.min(axis=0), everything.max(axis=0)
@@ -70,8 +72,23 @@ class Track:
         picks = np.unique(np.linspace(0, len(self.time) - 1, POINTS).astype(int))
         parts.append(path(x(self.eta[picks, 1]), y(self.eta[picks, 0]), "line truth thick"))
         if self.estimate is not None:
-            parts.append(path(x(self.estimate[picks, 1]), y(self.estimate[picks, 0]),
-                              "line estimate"))  # fmt: skip
+            east, north = x(self.estimate[picks, 1]), y(self.estimate[picks, 0])
+            parts.append(path(east, north, "line estimate"))
+            parts += [
+                f'<path class="estimate marker" d="{MARKS["estimate"]}" '
+                f'transform="translate({east[i]:.1f} {north[i]:.1f}) scale(.8)"/>'
+                for i in range(len(picks) // 32, len(picks), max(1, len(picks) // 16))
+                if np.isfinite(east[i] + north[i])
+            ]
+        if self.other is not None:
+            some = np.unique(np.linspace(0, len(self.other) - 1, POINTS).astype(int))
+            east, north = x(self.other[some, 1]), y(self.other[some, 0])
+            parts.append(path(east, north, "line estimate dash"))
+            parts += [
+                f'<path class="estimate marker open" d="{MARKS["estimate"]}" '
+                f'transform="translate({east[i]:.1f} {north[i]:.1f})"/>'
+                for i in range(0, len(some), max(1, len(some) // 16))
+            ]
         for i in self._spaced(x, y, 120.0):
             degrees = np.degrees(self.eta[i, 5]) - 90.0
             a, b = float(x(self.eta[i, 1])), float(y(self.eta[i, 0]))

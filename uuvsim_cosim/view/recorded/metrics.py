@@ -171,7 +171,27 @@ def figures(traces: Traces, path: Array | None) -> list[Figure]:
             found.append(Figure("depth_rms", "depth error, RMS", track.depth_rms, "m", ".3f"))
     eta_hat = traces.vector("navigation.eta", 6)
     if eta is not None and eta_hat is not None:
-        found += _navigation_figures(navigation_errors(eta_hat, eta, sigma_of(traces)))
+        nav = navigation_errors(eta_hat, eta, sigma_of(traces))
+        found += [
+            Figure("navigation_horizontal_rms", "navigation error, horizontal RMS",
+                   nav.horizontal_rms, "m", ".3f"),
+            Figure("navigation_vertical_rms", "navigation error, vertical RMS",
+                   nav.vertical_rms, "m", ".3f"),
+            Figure("navigation_heading_rms", "navigation error, heading RMS",
+                   float(np.degrees(nav.heading_rms)), "deg"),
+        ]  # fmt: skip
+        if nav.inside:
+            worst = min(nav.inside, key=lambda axis: nav.inside[axis])
+            found.append(
+                Figure(
+                    "navigation_inside",
+                    "navigation error inside 3 sigma",
+                    100.0 * float(np.mean(list(nav.inside.values()))),
+                    "%",
+                    ".1f",
+                    f"least: {worst}, {100 * nav.inside[worst]:.1f} %",
+                )
+            )
     used = energy_of(traces)
     if used is not None:
         duration = float(traces.time[-1] - traces.time[0])
@@ -198,30 +218,6 @@ def metrics_of(figures: Iterable[Figure]) -> dict[str, dict[str, str | float | N
             found[f.key]["note"] = f.note
         if value is None:
             found[f.key]["not_finite"] = f"{f.value}"
-    return found
-
-
-def _navigation_figures(nav: Navigation) -> list[Figure]:
-    found = [
-        Figure("navigation_horizontal_rms", "navigation error, horizontal RMS",
-               nav.horizontal_rms, "m", ".3f"),
-        Figure("navigation_vertical_rms", "navigation error, vertical RMS",
-               nav.vertical_rms, "m", ".3f"),
-        Figure("navigation_heading_rms", "navigation error, heading RMS",
-               float(np.degrees(nav.heading_rms)), "deg"),
-    ]  # fmt: skip
-    if nav.inside:
-        worst = min(nav.inside, key=lambda axis: nav.inside[axis])
-        found.append(
-            Figure(
-                "navigation_inside",
-                "navigation error inside 3 sigma",
-                100.0 * float(np.mean(list(nav.inside.values()))),
-                "%",
-                ".1f",
-                f"least: {worst}, {100 * nav.inside[worst]:.1f} %",
-            )
-        )
     return found
 
 

@@ -1,4 +1,7 @@
-"""Panels of a run's report: of a vehicle's mission by signal names, else of all outputs."""
+"""Panels of a run's report: of a vehicle's mission by signal names, else of all outputs.
+
+A panel has one unit. Each is drawn by uPlot in a report, and as SVG in a picture.
+"""
 
 from __future__ import annotations
 
@@ -7,25 +10,24 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from uuvsim_cosim.view.plots.plots import Band, Line, Panel, Rows, Sticks, TimePanel
+from uuvsim_cosim.view.plots.plots import Band, Line, Panel, Rows, TimePanel
 from uuvsim_cosim.view.plots.track import Track
 from uuvsim_cosim.view.recorded.metrics import cross_track_error, navigation_errors, sigma_of
 from uuvsim_cosim.view.recorded.traces import Array, Traces
 
-__all__ = ["Section", "lead_panels", "sections", "track_of"]
+__all__ = ["STYLES", "Section", "lead_panels", "sections", "track_of"]
 
-STYLES = ("truth", "estimate", "third", "fourth", "desired")
+STYLES = ("truth", "estimate", "third", "fourth", "fifth", "sixth", "seventh", "desired")
 MOST_PANELS = 48
 
 
 @dataclass(frozen=True)
 class Section:
-    """A heading and the panels below it, in `columns` columns."""
+    """A heading and the panels below it, in `columns` columns on a wide screen."""
 
     title: str
     panels: Sequence[Panel]
     columns: int = 2
-    height: float = 176
 
 
 def track_of(traces: Traces, path: Array | None) -> Track | None:
@@ -85,12 +87,8 @@ def lead_panels(traces: Traces, path: Array | None) -> list[Panel]:
         panels.append(TimePanel("Cross-track error", "m", error, include=[0.0], least_span=0.1))
     v_c = _current(traces)
     if v_c is not None:
-        towards = np.degrees(np.arctan2(v_c[:, 1], v_c[:, 0])) % 360
-        lines = [
-            Line("speed", np.hypot(v_c[:, 0], v_c[:, 1]), "third", 2),
-            Line("towards [°]", towards, "third", 0, readout_only=True),
-        ]
-        panels.append(Sticks("Current", "m/s", lines, north=v_c[:, 0], east=v_c[:, 1]))
+        lines = [Line("north", v_c[:, 0], "truth", 3), Line("east", v_c[:, 1], "estimate", 3)]
+        panels.append(TimePanel("Current", "m/s", lines, include=[0.0]))
     return panels
 
 
@@ -98,42 +96,50 @@ def sections(traces: Traces) -> list[Section]:
     """Return the sections below the lead whose signals were recorded."""
     if traces.vector("hull.eta", 6) is None:
         return _every_output(traces)
-    found = [
-        Section("Attitude and velocity", [*_attitude(traces), *_velocity(traces)]),
-        Section("Navigation error with its ±3 σ", _navigation(traces), 3, 150),
-        Section("Thrust", _thrust(traces), 2, 300),
-        Section("Power", _power(traces), 2, 150),
+    power: list[Panel] = []
+    voltage, current = traces.scalar("battery.voltage"), traces.scalar("wrench.current_total")
+    if voltage is not None:
+        lines = [Line("voltage", voltage, "truth")]
+        power.append(TimePanel("Battery voltage", "V", lines, least_span=0.5))
+        if current is not None:
+            lines = [Line("power", voltage * current, "estimate", 0)]
+            power.append(TimePanel("Electrical power", "W", lines, include=[0.0]))
+    panels = [
+        Section("Attitude and velocity", _attitude_and_velocity(traces)),
+        Section("Navigation error with its ±3 σ", _navigation(traces), 3),
+        Section("Thrust", _thrust(traces), 2),
+        Section("Power", power, 2),
     ]
-    return [section for section in found if section.panels]
+    return [section for section in panels if section.panels]
 
 
-def _attitude(traces: Traces) -> list[Panel]:
-    heading = _states(traces, 5, degrees=True, digits=1)
-    eta = traces.vector("hull.eta", 6)
+def _attitude_and_velocity(traces: Traces) -> list[Panel]:
+    eta, nu = traces.vector("hull.eta", 6), traces.vector("hull.nu", 6)
     assert eta is not None
-    tilt = [
-        Line("roll φ", np.degrees(eta[:, 3]), "truth", 2),
-        Line("pitch θ", np.degrees(eta[:, 4]), "estimate", 2),
-    ]
-    return [
-        TimePanel("Heading", "°", heading, least_span=2.0),
-        TimePanel("Roll and pitch, true", "°", tilt, include=[0.0], least_span=1.0),
-    ]
+    panels: list[Panel] = [
+        TimePanel("Heading", "°", _states(traces, 5, degrees=True, digits=1), least_span=2.0),
+        TimePanel("Roll and pitch, true", "°", [
+            Line("roll φ", np.degrees(eta[:, 3]), "truth", 2),
+            Line("pitch θ", np.degrees(eta[:, 4]), "estimate", 2),
+        ], include=[0.0], least_span=1.0),
+    ]  # fmt: skip
+    if nu is not None:
+        for title, unit, labels, values, digits, span in (
+            ("Velocity over ground, body axes", "m/s", ("surge u", "sway v", "heave w"),
+             nu[:, :3], 3, 0.0),
+            ("Angular velocity", "°/s", ("roll p", "pitch q", "yaw r"),
+             np.degrees(nu[:, 3:]), 2, 1.0),
+        ):  # fmt: skip
+            panels.append(TimePanel(title, unit, _lines(labels, values, digits), include=[0.0],
+                                    least_span=span))  # fmt: skip
+    return panels
 
 
-def _velocity(traces: Traces) -> list[Panel]:
-    nu = traces.vector("hull.nu", 6)
-    if nu is None:
-        return []
-    labels = (("surge u", "truth"), ("sway v", "estimate"), ("heave w", "third"))
-    linear = [Line(label, nu[:, i], style, 3) for i, (label, style) in enumerate(labels)]
-    labels = (("roll p", "truth"), ("pitch q", "estimate"), ("yaw r", "third"))
-    turns = [
-        Line(label, np.degrees(nu[:, i + 3]), style, 2) for i, (label, style) in enumerate(labels)
-    ]
+def _lines(labels: Sequence[str], values: Array, digits: int) -> list[Line]:
+    """Return a line for each column of values (T, n), in the order of the styles."""
     return [
-        TimePanel("Velocity over ground, body axes", "m/s", linear, include=[0.0]),
-        TimePanel("Angular velocity", "°/s", turns, include=[0.0], least_span=1.0),
+        Line(label, value, style, digits)
+        for label, value, style in zip(labels, values.T, STYLES, strict=False)
     ]
 
 
@@ -152,7 +158,6 @@ def _navigation(traces: Traces) -> list[Panel]:
         if nav.sigma is not None and np.isfinite(nav.sigma[:, i]).any():
             reach = 3.0 * factor * nav.sigma[:, i]
             bands = [Band("±3 σ", -reach, reach)]
-            lines.append(Line("3 σ", reach, "band", 3, readout_only=True))
         panels.append(TimePanel(name, unit, lines, bands=bands, include=[0.0]))
     return panels
 
@@ -166,42 +171,23 @@ def _thrust(traces: Traces) -> list[Panel]:
     panels: list[Panel] = [Rows("Thrusters", "N", lines)] if lines else []
     tau = traces.vector("controller.tau_d", 6)
     if tau is not None:
-        names = (("X", 0, "truth"), ("Y", 1, "estimate"), ("Z", 2, "third"), ("N", 5, "fourth"))
-        wanted = [
-            Line(f"{name} [{'N m' if axis > 2 else 'N'}]", tau[:, axis], style, 1)
-            for name, axis, style in names
-        ]
-        panels.append(TimePanel("Force that the controller asks for", "N, N m", wanted,
-                                include=[0.0]))  # fmt: skip
-    return panels
-
-
-def _power(traces: Traces) -> list[Panel]:
-    panels: list[Panel] = []
-    voltage, current = traces.scalar("battery.voltage"), traces.scalar("wrench.current_total")
-    if voltage is not None:
-        panels.append(
-            TimePanel("Battery voltage", "V", [Line("voltage", voltage, "truth")], least_span=0.5)
-        )
-        if current is not None:
-            power = [Line("power", voltage * current, "estimate", 0)]
-            panels.append(TimePanel("Electrical power", "W", power, include=[0.0]))
+        for what, unit, labels, values in (
+            ("Force", "N", "XYZ", tau[:, :3]), ("Moment", "N m", "KMN", tau[:, 3:])
+        ):  # fmt: skip
+            panels.append(TimePanel(f"{what} that the controller commands", unit,
+                                    _lines(labels, values, 1), include=[0.0]))  # fmt: skip
     return panels
 
 
 def _every_output(traces: Traces) -> list[Section]:
-    """Return one panel for each signal, grouped by component, for systems without a hull."""
+    """Return one panel for each unit of a signal, by component, for systems without a hull."""
     groups: dict[str, list[Panel]] = {}
     for name in sorted(traces.values)[:MOST_PANELS]:
-        value = traces.values[name]
         component, _, variable = name.rpartition(".")
-        columns = value.reshape(len(value), -1)
-        shown = min(columns.shape[1], len(STYLES))
-        lines = [
-            Line(variable if value.ndim == 1 else f"[{i + 1}]", columns[:, i], STYLES[i], 3)
-            for i in range(shown)
-        ]
-        title = variable if shown == columns.shape[1] else f"{variable} (first {shown})"
-        panel = TimePanel(title, traces.units.get(name, ""), lines)
-        groups.setdefault(component, []).append(panel)
+        value = traces.values[name].reshape(len(traces.time), -1)
+        units = traces.by_unit(name, len(STYLES))
+        for unit, elements in units[:1] if value.shape[1] > 2 * len(STYLES) else units:
+            labels = [f"[{k + 1}]" for k in elements] if value.shape[1] > 1 else [variable]
+            panel = TimePanel(variable, unit, _lines(labels, value[:, elements], 3))
+            groups.setdefault(component, []).append(panel)
     return [Section(component or "Signals", panels) for component, panels in groups.items()]

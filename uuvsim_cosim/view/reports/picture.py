@@ -2,31 +2,38 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from uuvsim_cosim.cache import write_whole
+from uuvsim_cosim.cache import written
 from uuvsim_cosim.errors import InputInvalid
-from uuvsim_cosim.view.plots.palette import picture_styles
-from uuvsim_cosim.view.plots.plots import Frame, Panel, Rows, TimePanel
+from uuvsim_cosim.view.plots.page import MARKS, picture_styles
+from uuvsim_cosim.view.plots.plots import Frame, Rows
 from uuvsim_cosim.view.plots.svg import text
+from uuvsim_cosim.view.plots.track import VESSEL
 from uuvsim_cosim.view.recorded.metrics import figures
-from uuvsim_cosim.view.recorded.traces import Traces
+from uuvsim_cosim.view.recorded.traces import Traces, provenance_of
 from uuvsim_cosim.view.reports.panels import lead_panels, sections, track_of
+from uuvsim_cosim.view.reports.run_report import sampled_traces, waypoints_of
 
-__all__ = ["picture_svg", "write_picture"]
+__all__ = ["picture_svg", "write_run_picture"]
 
 WIDTH, GAP, MARGIN, HEAD = 1200.0, 14.0, 18.0, 30.0
 
 
+def write_run_picture(folder: str | Path, out: str | Path) -> Path:
+    """Write a run as one static SVG, for a README or a paper."""
+    page = picture_svg(sampled_traces(folder), provenance_of(folder))
+    return written(Path(out), page, make_folder=True)
+
+
 def picture_svg(traces: Traces, provenance: Mapping[str, Any]) -> str:
     """Return the picture: key figures, the track, and four panels over time beside it."""
-    waypoints = provenance.get("waypoints")
-    path = None if waypoints is None else np.asarray(waypoints, dtype=float)
+    path = waypoints_of(provenance)
     track = track_of(traces, path)
     if track is None:
         raise InputInvalid("the run has no signal hull.eta", "a vehicle's mission")
@@ -35,7 +42,13 @@ def picture_svg(traces: Traces, provenance: Mapping[str, Any]) -> str:
     _, _, track_height = track.scales()
     below = {s.title: s.panels for s in sections(traces)}
     extra = list(below.get("Thrust", []))[:1]
-    panels = [*lead_panels(traces, path)[:2], *_navigation(below), *extra][:4]
+    navigation = [
+        replace(p, title=f"Navigation error, {p.title.lower()}, and ±3 σ")
+        for title, shown in below.items()
+        if title.startswith("Nav")
+        for p in shown[:1]
+    ]
+    panels = [*lead_panels(traces, path)[:2], *navigation, *extra][:4]
     tall = track_height + HEAD + 16
     top = 62.0
     shown = ("cross_track_rms", "cross_track_max", "navigation_horizontal_rms", "energy")
@@ -45,8 +58,24 @@ def picture_svg(traces: Traces, provenance: Mapping[str, Any]) -> str:
         f"{provenance.get('system', 'run')}</text>",
         text(MARGIN + 2, 48, "   ·   ".join(key_figures), "tick"),
     ]
-    parts.append(_card(MARGIN, top, left, tall, "Track, seen from above [m]", track.draw(),
-                       _keys(track.estimate is not None)))  # fmt: skip
+    keys, x = "", 0.0
+    entries = [("current", "current"), ("line estimate", "estimate"), ("line truth thick", "true"),
+               ("line desired dash", "path")]  # fmt: skip
+    marks = {
+        "estimate": ("estimate marker", MARKS["estimate"]),
+        "true": ("vessel", VESSEL),
+        "path": ("waypoint", MARKS["truth"]),
+    }
+    for style, label in entries:
+        if label != "estimate" or track.estimate is not None:
+            x -= 6.2 * len(label) + 26
+            keys += f'<path class="{style}" d="M{x:.0f} -4h16"/>' + text(x + 21, 0, label, "tick")
+            if label in marks:
+                kind, mark = marks[label]
+                place = f"translate({x + 8:.0f} -4) scale(.8)"
+                keys += f'<path class="{kind}" d="{mark}" transform="{place}"/>'
+    title = "Track, seen from above [m]"
+    parts.append(_card(MARGIN, top, left, tall, title, track.draw(), keys))
     right = WIDTH - left - GAP - 2 * MARGIN
     shares = np.array([1.7 if isinstance(panel, Rows) else 1.0 for panel in panels])
     heights = (tall - GAP * (len(panels) - 1)) * shares / shares.sum()
@@ -67,25 +96,6 @@ def picture_svg(traces: Traces, provenance: Mapping[str, Any]) -> str:
     )
 
 
-def write_picture(traces: Traces, provenance: Mapping[str, Any], out: str | Path) -> Path:
-    """Write the picture as SVG and return its path."""
-    out = Path(out)
-    out.parent.mkdir(parents=True, exist_ok=True)
-    write_whole(out, picture_svg(traces, provenance).encode())
-    return out
-
-
-def _navigation(below: Mapping[str, Sequence[Panel]]) -> list[Panel]:
-    found: Sequence[Panel] = next(
-        (panels for title, panels in below.items() if title.startswith("Nav")), []
-    )
-    return [
-        replace(p, title=f"Navigation error, {p.title.lower()}, and ±3 σ")
-        for p in found[:1]
-        if isinstance(p, TimePanel)
-    ]
-
-
 def _card(x: float, y: float, w: float, h: float, title: str, inside: str, keys: str) -> str:
     return (
         f'<g transform="translate({x:.1f} {y:.1f})">'
@@ -94,15 +104,3 @@ def _card(x: float, y: float, w: float, h: float, title: str, inside: str, keys:
         + f'<g transform="translate({w - 14:.1f} 20)">{keys}</g>'
         + f'<g transform="translate(12 {HEAD:g})">{inside}</g></g>'
     )
-
-
-def _keys(estimate: bool) -> str:
-    entries = [("line desired dash", "path"), ("line truth thick", "true")]
-    if estimate:
-        entries.append(("line estimate", "estimate"))
-    entries.append(("current", "current"))
-    parts, x = [], 0.0
-    for style, label in reversed(entries):
-        x -= 6.2 * len(label) + 26
-        parts.append(f'<path class="{style}" d="M{x:.0f} -4h16"/>' + text(x + 21, 0, label, "tick"))
-    return "".join(parts)

@@ -7,7 +7,7 @@ from typing import Any
 
 from uuvsim_cosim.view.plots.svg import escape
 
-__all__ = ["provenance_html"]
+__all__ = ["FORMULAS", "details_html", "facts_of", "provenance_html"]
 
 SHOWN = (
     ("system", "System"),
@@ -35,27 +35,24 @@ FORMULAS = (
     "the axes; a consistent Gaussian filter has 99.7 %.",
     "Energy: what the battery integrates, ∫ V I dt; without that output, by trapezoids from "
     "voltage and total current.",
-    "Curves are drawn through the least and greatest sample of each pixel column or two; all "
-    "samples are in signals.parquet.",
+    "Plots hold the least and the greatest sample of each of at most 700 intervals of time, so "
+    "that no peak is lost; all samples are in signals.parquet.",
 )
 
 
-def provenance_html(provenance: Mapping[str, Any]) -> str:
-    """Return the sections below the plots; unknown facts are left out."""
-    rows = [
-        (label, _shown(provenance[key]))
-        for key, label in SHOWN
-        if provenance.get(key) not in (None, "")
-    ]
-    changes = provenance.get("changes") or {}
-    rows += [(f"Changed: {kind}", _shown(value)) for kind, value in changes.items() if value]
-    parts = ["<h2>Where this comes from</h2>"]
+def provenance_html(provenance: Mapping[str, Any], *notes: str) -> str:
+    """Return the sections below the plots; unknown facts are left out.
+
+    `notes` say what the page itself holds.
+    """
+    rows = facts_of(provenance)
+    parts = ["<h2>Settings and sources of this run</h2>"]
     if rows:
         cells = "".join(f"<tr><th>{escape(k)}</th><td>{escape(v)}</td></tr>" for k, v in rows)
         parts.append(f'<div class="card"><table>{cells}</table></div>')
     for key, title in (("notes", "Notes: what was assumed"), ("warnings", "Warnings")):
         if provenance.get(key):
-            parts.append(_listed(title, provenance[key], opened=True))
+            parts.append(details_html(title, provenance[key], opened=True))
     if provenance.get("components"):
         components = provenance["components"]
         head = "<tr><th>Component</th><th>Kind</th><th>Source</th><th>Step [s]</th></tr>"
@@ -69,10 +66,20 @@ def provenance_html(provenance: Mapping[str, Any]) -> str:
             f'<details class="card"><summary>{len(components)} components</summary>'
             f"<table>{head}{cells}</table></details>"
         )
-    parts.append(_listed("How the figures are computed", FORMULAS))
+    parts.append(details_html("How the figures are computed", (*FORMULAS, *notes)))
     version = escape(provenance.get("version", ""))
     parts.append(f"<footer>Written by uuvsim-cosim {version}. This file needs no network.</footer>")
     return "".join(parts)
+
+
+def facts_of(provenance: Mapping[str, Any]) -> list[tuple[str, str]]:
+    """Return the known settings of a run with their labels, and what was changed."""
+    changes = provenance.get("changes") or {}
+    return [
+        (label, _shown(provenance[key]))
+        for key, label in SHOWN
+        if provenance.get(key) not in (None, "")
+    ] + [(f"Changed: {name}", _shown(value)) for name, value in changes.items() if value]
 
 
 def _shown(value: object) -> str:
@@ -85,7 +92,8 @@ def _shown(value: object) -> str:
     return str(value)
 
 
-def _listed(title: str, items: Sequence[str], *, opened: bool = False) -> str:
+def details_html(title: str, items: Sequence[str], *, opened: bool = False) -> str:
+    """Return a list below a title, which opens it."""
     inside = "".join(f"<li>{escape(item)}</li>" for item in items)
     state = " open" if opened else ""
     head = f'<details class="card"{state}><summary>{escape(title)}</summary>'

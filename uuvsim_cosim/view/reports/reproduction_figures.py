@@ -1,30 +1,34 @@
-"""Pictures of the benchmark: learning curves with their spread, and an episode from above."""
+"""Figures of the benchmark: learning curves, an episode from above, returns in other water."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import final
 
 import numpy as np
 
-from uuvsim_cosim.view.plots.svg import Scale, escape, nice_ticks, path, polygon, text
+from uuvsim_cosim.view.plots.svg import Scale, nice_ticks, path, polygon, text
 from uuvsim_cosim.view.recorded.traces import Array
 
-__all__ = ["Curve", "Panel", "curves_svg", "episode_svg"]
+__all__ = ["Curve", "Mark", "Panel", "curves_svg", "episode_svg", "transfer_svg"]
 
 COLOURS = ("#1f5fa8", "#c2571a", "#3d8a4c", "#8c4a9e", "#7a6a2b", "#555c66")
 SIZE = (330.0, 220.0)  # of a panel, pixels
 LEFT, TOP, RIGHT, BOTTOM = 46.0, 30.0, 10.0, 34.0
 PER_METRE = 95.0
+NAMES, HEAD, ROW, WIDE = 264.0, 44.0, 46.0, 620.0  # of the figure by conditions
 STYLE = (
     ".page{fill:#fff}.frame{fill:none;stroke:#9aa3ad}.grid{stroke:#e3e7eb}"
+    ".strip{fill:#f5f7f9}.limit{stroke:#28303a;stroke-dasharray:5 4}"
     "text{font:11px system-ui,sans-serif;fill:#28303a}.title{font-weight:600;font-size:12px}"
     ".muted{fill:#5b6672}.yard{stroke:#28303a;stroke-dasharray:5 4;fill:none}"
     ".obstacle{fill:#b9c0c8;stroke:#7d868f}.safe{fill:none;stroke:#b9c0c8;stroke-dasharray:3 3}"
     + "".join(
         f".c{i}{{fill:none;stroke:{c};stroke-width:1.8}}.a{i}{{fill:{c};opacity:.18}}"
-        f".d{i}{{fill:{c}}}.t{i}{{fill:{c}}}"
+        f".d{i}{{fill:{c}}}.t{i}{{fill:{c}}}.l{i}{{stroke:{c};stroke-width:1.4}}"
+        f".h{i}{{fill:#fff;stroke:{c};stroke-width:1.6}}"
         for i, c in enumerate(COLOURS)
     )
 )
@@ -48,6 +52,16 @@ class Panel:
     x_label: str
     curves: Sequence[Curve]
     yardstick: float | None = None
+
+
+@dataclass(frozen=True)
+class Mark:
+    """A value with its interval; `hollow` without anticipation."""
+
+    value: float
+    low: float
+    high: float
+    hollow: bool = False
 
 
 def curves_svg(panels: Sequence[Panel], y_label: str, size: tuple[float, float] = SIZE) -> str:
@@ -137,14 +151,55 @@ def _panel(
     return "".join(parts)
 
 
+def transfer_svg(
+    rows: Mapping[str, Mapping[str, Sequence[Mark]]],
+    ways: Sequence[str],
+    title: str,
+    limit: tuple[float, str] | None = None,
+) -> str:
+    """Return conditions one below the other, and in each the marks of every way, by colour.
+
+    `rows` are marks by way, by a condition's words; `limit` is a dashed line and what it means.
+    """
+    marks = [m for by in rows.values() for some in by.values() for m in some]
+    low = 10.0 * math.floor(min([m.low for m in marks], default=0.0) / 10.0)
+    sx = Scale(low, max([low + 1.0, *(m.high for m in marks)]) + 2.0, NAMES, NAMES + WIDE)
+    bottom = HEAD + ROW * len(rows)
+    parts = [text(12, 18, title, "title")]
+    for k in range(0, len(rows), 2):
+        y, wide = HEAD + ROW * k, NAMES + WIDE - 8
+        parts.append(f'<rect class="strip" x="8" y="{y:.1f}" width="{wide:.1f}" height="{ROW}"/>')
+    for tick in nice_ticks(sx.low, sx.high):
+        x = float(sx(tick))
+        parts.append(f'<path class="grid" d="M{x:.1f} {HEAD:.1f}V{bottom:.1f}"/>')
+        parts.append(text(x, bottom + 15, f"{tick:g}", "muted", "middle"))
+    if limit is not None:
+        x = float(sx(limit[0]))
+        parts.append(f'<path class="limit" d="M{x:.1f} {HEAD - 4:.1f}V{bottom:.1f}"/>')
+        parts.append(text(x, HEAD - 9, limit[1], "muted", "middle"))
+    apart = ROW / (len(ways) + 1)
+    for k, (words, by) in enumerate(rows.items()):
+        top = HEAD + ROW * k
+        parts.append(text(NAMES - 12, top + ROW / 2 + 4, words, "", "end"))
+        for i, way in enumerate(ways):
+            y = top + apart * (i + 1)
+            for m in by.get(way, ()):
+                a, b, at = (float(sx(v)) for v in (m.low, m.high, m.value))
+                parts.append(f'<path class="l{i % 6}" d="M{a:.1f} {y:.1f}H{b:.1f}"/>')
+                kind = "h" if m.hollow else "d"
+                parts.append(f'<circle class="{kind}{i % 6}" cx="{at:.1f}" cy="{y:.1f}" r="3.4"/>')
+    x, y = 16.0, bottom + 38
+    for i, way in enumerate(ways):
+        parts.append(f'<circle class="d{i % 6}" cx="{x:.1f}" cy="{y - 4:.1f}" r="4"/>')
+        parts.append(text(x + 9, y, way, "muted"))
+        x += 30 + 6.2 * len(way)
+    parts.append(text(x, y, "filled: anticipated; hollow: as it is", "muted"))
+    return _whole(NAMES + WIDE + 16.0, bottom + 50, parts)
+
+
 def _whole(width: float, height: float, parts: Sequence[str]) -> str:
     return (
         f'<svg xmlns="http://www.w3.org/2000/svg" width="{width:.0f}" height="{height:.0f}" '
-        f'viewBox="0 0 {width:.0f} {height:.0f}"><style>{escape_style(STYLE)}</style>'
+        f'viewBox="0 0 {width:.0f} {height:.0f}"><style>{STYLE}</style>'
         f'<rect class="page" width="100%" height="100%"/>{"".join(parts)}</svg>\n'
     )
-
-
-def escape_style(style: str) -> str:
-    """Return a style sheet as SVG holds it."""
-    return escape(style).replace("&quot;", '"').replace("&#39;", "'")

@@ -11,7 +11,7 @@ import numpy as np
 
 from uuvsim_cosim.cache import write_whole
 from uuvsim_cosim.errors import InputInvalid
-from uuvsim_cosim.view.plots.palette import page_styles
+from uuvsim_cosim.view.plots.page import page_html
 from uuvsim_cosim.view.plots.study_plots import STYLES, Course, card, grid_lines, histogram, scatter
 from uuvsim_cosim.view.plots.svg import escape
 from uuvsim_cosim.view.recorded.traces import Array
@@ -23,9 +23,9 @@ MOST_ROWS = 60
 STYLE = (
     ".bar{fill:var(--truth)}.dots{fill:none;stroke:var(--truth);stroke-width:5;"
     "stroke-linecap:round;opacity:.45}.area{stroke:none;opacity:.18}"
-    + "".join(f".area.{s},.point.{s}{{fill:var(--{s})}}" for s in STYLES)
-    + ".point{stroke:none}h2 code{font-weight:400;color:var(--muted);font-size:13px;"
-    "margin-left:10px}.wide{overflow-x:auto}.note{color:var(--muted);font-size:13px}"
+    + "".join(f".area.{s}{{fill:var(--{s})}}" for s in STYLES)
+    + "h2 code{font-weight:400;color:var(--muted);font-size:13px;"
+    "margin-left:10px}.note{color:var(--muted);font-size:13px}"
 )
 
 
@@ -112,22 +112,30 @@ def study_html(
         *(f"<p>{escape(remark)}</p>" for remark in about["remarks"]),
     ]
     body += [_section(metric, about, grid, columns) for metric in about["metrics"]]
-    rows = "".join(
-        f"<tr><th>{escape(k)}</th><td>{escape(_text(v))}</td></tr>"
-        for k, v in about["asked"].items()
-    )
-    body += [_table(about, grid), _failures(failures, columns)]
+    rows = ""
+    for k, v in about["asked"].items():
+        if isinstance(v, list):
+            more = f"; and {len(v) - 40} more" if len(v) > 40 else ""
+            v = "; ".join(str(item) for item in v[:40]) + more
+        rows += f"<tr><th>{escape(k)}</th><td>{escape(v)}</td></tr>"
+    body.append(_table(about, grid))
+    failed = [(i, f) for i, f in enumerate(failures) if f is not None]
+    if failed:
+        lines = "".join(
+            f'<tr><td class="number">{i}</td><td class="number">{int(columns["seed"][i])}</td>'
+            f"<td>{escape(why)}</td></tr>"
+            for i, why in failed[:20]
+        )
+        more = f"<p>and {len(failed) - 20} more, in runs.parquet</p>" if len(failed) > 20 else ""
+        body.append(
+            f'<h2>{len(failed)} runs failed</h2><div class="card"><table><thead><tr><th>run</th>'
+            f"<th>seed</th><th>failure</th></tr></thead><tbody>{lines}</tbody></table>{more}</div>"
+        )
     body.append(
-        '<details class="card"><summary>What was asked</summary>'
+        '<details class="card"><summary>Settings</summary>'
         f"<table><tbody>{rows}</tbody></table></details>"
     )
-    return (
-        '<!doctype html>\n<html lang="en"><head><meta charset="utf-8">'
-        '<meta name="viewport" content="width=device-width,initial-scale=1">'
-        f"<title>{escape(about['name'])} · uuvsim study</title>\n"
-        f"<style>{page_styles()}{STYLE}</style></head>\n"
-        f"<body><main>{''.join(body)}</main></body></html>\n"
-    )
+    return page_html(about["name"], "uuvsim study", body, style=STYLE)
 
 
 def _varies(columns: Mapping[str, Array], parameter: Parameter) -> bool:
@@ -145,7 +153,15 @@ def _section(
         cards.append(_along(name, unit, about, grid))
     cards.append(card("number of runs by value", unit, histogram(values),
                       [("estimate dash", "median")]))  # fmt: skip
-    here, where = _widest(name, about, grid, columns)
+    # The runs of the grid point where the metric varies most, and its parameters.
+    here, where = np.ones(len(columns["point"]), bool), ""
+    spread = [
+        (i["std"], i) for i in about["intervals"] if i["metric"] == name and i["std"] is not None
+    ]
+    if grid and spread:
+        _, row = max(spread, key=lambda pair: pair[0])
+        where = ", ".join(f"{p['name']} = {row['at'][p['name']]:g} {p['unit']}" for p in grid)
+        here = columns["point"] == row["point"]
     ranks = about["rank correlation"][name]
     drawn = [p for p in about["parameters"] if p["kind"] == "drawn" and _varies(columns, p)]
     known = [(p, rank) for p in drawn if (rank := ranks[p["name"]]) is not None]
@@ -166,21 +182,6 @@ def _section(
         f"<code>{escape(metric['expression'])}</code></h2>"
         f'<div class="grid3">{"".join(cards)}</div>{rest}'
     )
-
-
-def _widest(
-    name: str, about: StudyFile, grid: Sequence[Parameter],
-    columns: Mapping[str, Array],
-) -> tuple[Array, str]:  # fmt: skip
-    """Return the runs of the grid point where a metric varies most, and its parameters."""
-    spread = [
-        (i["std"], i) for i in about["intervals"] if i["metric"] == name and i["std"] is not None
-    ]
-    if not grid or not spread:
-        return np.ones(len(columns["point"]), bool), ""
-    _, row = max(spread, key=lambda pair: pair[0])
-    where = ", ".join(f"{p['name']} = {row['at'][p['name']]:g} {p['unit']}" for p in grid)
-    return columns["point"] == row["point"], where
 
 
 def _along(name: str, unit: str, about: StudyFile, grid: Sequence[Parameter]) -> str:
@@ -243,27 +244,3 @@ def _table(about: StudyFile, grid: Sequence[Parameter]) -> str:
         f'<div class="card wide"><table><thead><tr>{head}</tr></thead>'
         f"<tbody>{''.join(rows)}</tbody></table>{rest}</div>"
     )
-
-
-def _failures(failures: Sequence[str | None], columns: Mapping[str, Array]) -> str:
-    failed = [(i, f) for i, f in enumerate(failures) if f is not None]
-    if not failed:
-        return ""
-    rows = "".join(
-        f'<tr><td class="number">{i}</td><td class="number">{int(columns["seed"][i])}</td>'
-        f"<td>{escape(why)}</td></tr>"
-        for i, why in failed[:20]
-    )
-    more = f"<p>and {len(failed) - 20} more, in runs.parquet</p>" if len(failed) > 20 else ""
-    return (
-        f"<h2>{len(failed)} runs failed</h2>"
-        '<div class="card"><table><thead><tr><th>run</th><th>seed</th><th>failure</th></tr></thead>'
-        f"<tbody>{rows}</tbody></table>{more}</div>"
-    )
-
-
-def _text(value: object) -> str:
-    if isinstance(value, list):
-        shown = "; ".join(str(v) for v in value[:40])
-        return shown + (f"; and {len(value) - 40} more" if len(value) > 40 else "")
-    return str(value)

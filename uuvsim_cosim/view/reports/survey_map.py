@@ -64,9 +64,15 @@ def map_section(made: SeabedMap, tracks: Mapping[str, Array]) -> str:
     cards = []
     for name, (pixels, words) in map_pictures(made).items():
         data = base64.b64encode(png(np.ascontiguousarray(pixels))).decode("ascii")
-        over = _lines(made, tracks) if name == "depth" else ""
-        w = made.window
+        w, over = made.window, ""
         width, height = w.columns * w.cell, w.rows * w.cell
+        for style, eta in tracks.items() if name == "depth" else ():
+            some = eta[:: max(1, len(eta) // 600)]
+            at = "L".join(
+                f"{east - w.east:.2f} {w.north + height - north:.2f}" for north, east in some[:, :2]
+            )
+            over += (f'<path class="line {style}" vector-effect="non-scaling-stroke" fill="none" '
+                     f'd="M{at}"/>')  # fmt: skip
         length = 10.0 ** np.floor(np.log10(max(width / 3.0, 1e-3)))  # of the ruler
         y, size = height - 0.03 * height, 0.032 * width
         ruler = (
@@ -112,14 +118,3 @@ def _coloured(share: Array, ramp: Array) -> Array:
     i = np.minimum(at.astype(int), len(ramp) - 2)
     coloured: Array = ramp[i] + (at - i)[..., None] * (ramp[i + 1] - ramp[i])
     return coloured
-
-
-def _lines(made: SeabedMap, tracks: Mapping[str, Array]) -> str:
-    w, drawn = made.window, ""
-    for style, eta in tracks.items():
-        some = eta[:: max(1, len(eta) // 600)]
-        x, y = some[:, 1] - w.east, w.north + w.rows * w.cell - some[:, 0]
-        at = "L".join(f"{a:.2f} {b:.2f}" for a, b in zip(x, y, strict=True))
-        drawn += (f'<path class="line {style}" vector-effect="non-scaling-stroke" fill="none" '
-                  f'd="M{at}"/>')  # fmt: skip
-    return drawn

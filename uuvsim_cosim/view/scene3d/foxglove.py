@@ -1,4 +1,4 @@
-"""Export of a stage and its motion to MCAP for Foxglove: frames, entities, points, poses.
+"""Export of a scene and its motion to MCAP for Foxglove: frames, entities, points, poses.
 
 Schemas are Foxglove's (foxglove.FrameTransforms, .SceneUpdate, .PointCloud, .PosesInFrame) as
 JSON. The root frame `world` is ENU, up is up; below it is `ned`, and below that each vehicle in
@@ -29,7 +29,7 @@ from uuvsim_cosim.view.scene3d.colours import (
     rgb,
 )
 from uuvsim_cosim.view.scene3d.motion import Motion, echoes, motion_of
-from uuvsim_cosim.view.scene3d.scene import Body, Mesh, Stage
+from uuvsim_cosim.view.scene3d.scene import Mesh, Scene3D
 from uuvsim_cosim.view.scene3d.scene_of_run import placed
 from uuvsim_cosim.view.scene3d.shapes import lathe, terrain_mesh
 
@@ -48,9 +48,9 @@ def export_scene_mcap(run: str | Path, out: Path) -> Path:
     from uuvsim_cosim.orchestrator.recording.mcap import write_mcap
     from uuvsim_cosim.orchestrator.recording.recording_reader import read_signals
 
-    stage, _, traces = placed(run)
+    scene3d, _, traces = placed(run)
     moments = int(min(MOST, RATE * float(traces.time[-1] - traces.time[0]) + 2))
-    scene = FoxgloveScene(stage, motion_of(stage, traces, moments))
+    scene = FoxgloveScene(scene3d, motion_of(scene3d, traces, moments))
     try:
         with whole_file(out) as fresh:
             write_mcap(read_signals(run), fresh, scene.write)
@@ -62,10 +62,10 @@ def export_scene_mcap(run: str | Path, out: Path) -> Path:
 
 
 class FoxgloveScene:
-    """Writes a stage to an MCAP writer: still parts once at the start, moving parts over time."""
+    """Writes a scene to an MCAP writer: still parts once at the start, moving parts over time."""
 
-    def __init__(self, stage: Stage, motion: Motion) -> None:
-        self.stage, self.motion = stage, motion
+    def __init__(self, scene3d: Scene3D, motion: Motion) -> None:
+        self.scene3d, self.motion = scene3d, motion
         self.nanoseconds = np.rint(motion.time * 1e9).astype(np.int64).tolist()
 
     def write(self, writer: Writer) -> None:
@@ -79,7 +79,7 @@ class FoxgloveScene:
         )
         begin = self.nanoseconds[0]
         _say(writer, scene, begin, {"deletions": [], "entities": self._entities(begin)})
-        points = [echoes(b, self.motion) for b in self.stage.bodies]
+        points = [echoes(b, self.motion) for b in self.scene3d.bodies]
         if any(len(p) for p in points):
             channel = _channel(writer, "/echoes", "foxglove.PointCloud", {"data": "string"})
             fields = [{"name": n, "offset": 4 * i, "type": 7} for i, n in enumerate("xyz")]
@@ -88,50 +88,52 @@ class FoxgloveScene:
                 "timestamp": _stamp(begin), "frame_id": "ned", "pose": _still(), "point_stride": 12,
                 "fields": fields, "data": data,
             })  # fmt: skip
-        if self.stage.lines:
+        if self.scene3d.lines:
             channel = _channel(writer, "/path", "foxglove.PosesInFrame", {"poses": "array"})
             poses = [
                 {"position": _point(p), "orientation": {"x": 0, "y": 0, "z": 0, "w": 1}}
-                for line in self.stage.lines
+                for line in self.scene3d.lines
                 for p in line.points.tolist()
             ]
             message = {"timestamp": _stamp(begin), "frame_id": "ned", "poses": poses}
             _say(writer, channel, begin, message)
         for k, at in enumerate(self.nanoseconds):
-            _say(writer, tf, at, {"transforms": self._transforms(k, at)})
-            entities = [
-                _entity(f"{b.name} thrust", b.name, at, lines=[self._thrust(b, k)])
-                for b in self.stage.bodies
-                if b.name in self.motion.thrusts
+            transforms = [
+                _transform("world", "ned", np.zeros(3), np.array([0.0, ROOT, ROOT, 0.0]), at)
             ]
+            for name, positions in self.motion.positions.items():
+                if np.isfinite(positions[k]).all():
+                    attitude = self.motion.attitudes.get(name)
+                    q = np.array([1.0, 0.0, 0.0, 0.0]) if attitude is None else attitude[k]
+                    transforms.append(_transform("ned", name, positions[k], q, at))
+            _say(writer, tf, at, {"transforms": transforms})
+            entities = []
+            for b in self.scene3d.bodies:
+                if b.name in self.motion.thrusts:
+                    lengths = self.motion.scales[b.name] * self.motion.thrusts[b.name][k]
+                    r, e = np.array([a.r for a in b.arrows]), np.array([a.e for a in b.arrows])
+                    ends = np.stack([r, r + lengths[:, None] * e], axis=1).reshape(-1, 3)
+                    strip = _strip(ends, ARROW) | {"type": 2, "thickness": 4.0}
+                    entities.append(_entity(f"{b.name} thrust", b.name, at, lines=[strip]))
             if entities:
                 _say(writer, thrust, at, {"deletions": [], "entities": entities})
 
-    def _transforms(self, k: int, at: int) -> list[dict[str, object]]:
-        found = [_transform("world", "ned", np.zeros(3), np.array([0.0, ROOT, ROOT, 0.0]), at)]
-        upright = np.array([1.0, 0.0, 0.0, 0.0])
-        for name, positions in self.motion.positions.items():
-            if np.isfinite(positions[k]).all():
-                attitude = self.motion.attitudes.get(name)
-                q = upright if attitude is None else attitude[k]
-                found.append(_transform("ned", name, positions[k], q, at))
-        return found
-
     def _entities(self, at: int) -> list[dict[str, object]]:
-        stage, found = self.stage, []
-        if stage.terrain is not None:
-            mesh = terrain_mesh(stage.terrain, 128)
+        scene3d, found = self.scene3d, []
+        if scene3d.terrain is not None:
+            mesh = terrain_mesh(scene3d.terrain, 128)
             colours = [_colour(c) for c in depth_colours(mesh.vertices[:, 2]).tolist()]
             shape = _triangles(mesh, PATH) | {"colors": colours}
             found.append(_entity("terrain", "ned", at, triangles=[shape]))
-        for solid in stage.solids:
+        for solid in scene3d.solids:
             alpha = 0.3 if solid.kind == "basin" else 1.0
             shape = _triangles(solid.mesh, SOLIDS.get(solid.kind, PATH), alpha)
             found.append(_entity(solid.name, "ned", at, triangles=[shape]))
         found += [
-            _entity(line.name, "ned", at, lines=[_strip(line.points, PATH)]) for line in stage.lines
+            _entity(line.name, "ned", at, lines=[_strip(line.points, PATH)])
+            for line in scene3d.lines
         ]
-        for i, body in enumerate(stage.bodies):
+        for i, body in enumerate(scene3d.bodies):
             colour = BODIES[i % len(BODIES)]
             hull = _triangles(body.hull, colour)
             found.append(_entity(f"{body.name} hull", body.name, at, triangles=[hull], locked=True))
@@ -143,19 +145,11 @@ class FoxgloveScene:
                     name = f"{body.name} {'track' if tint == colour else 'estimate'}"
                     found.append(_entity(name, "ned", at, lines=[_strip(track, tint)]))
         t = np.linspace(0.0, np.pi, 9)
-        for marker in stage.markers:
+        for marker in scene3d.markers:
             ball = lathe(-marker.radius * np.cos(t), marker.radius * np.sin(t), 14)
             shape = _triangles(ball, MARKER)
             found.append(_entity(marker.name, marker.name, at, triangles=[shape], locked=True))
         return found
-
-    def _thrust(self, body: Body, k: int) -> dict[str, object]:
-        lengths = self.motion.scales[body.name] * self.motion.thrusts[body.name][k]
-        points = []
-        for arrow, length in zip(body.arrows, lengths.tolist(), strict=True):
-            r, e = np.array(arrow.r), np.array(arrow.e)
-            points += [r, r + length * e]
-        return _strip(np.array(points), ARROW) | {"type": 2, "thickness": 4.0}
 
 
 def _channel(writer: Writer, topic: str, name: str, fields: dict[str, str]) -> int:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -14,9 +14,9 @@ from uuvsim_cosim.orchestrator.master.observer import Chunk, Column, seconds
 from uuvsim_cosim.orchestrator.plan.plan import Plan
 from uuvsim_cosim.view.recorded.traces import Traces, joined
 from uuvsim_cosim.view.scene3d.motion import LEAST, REACH, extent, motion_of
-from uuvsim_cosim.view.scene3d.scene_of_plan import stage_of_plan
-from uuvsim_cosim.view.scene3d.viser_panel import Panel
-from uuvsim_cosim.view.scene3d.viser_scene import ViserStage
+from uuvsim_cosim.view.scene3d.scene_of_plan import scene3d_of_plan
+from uuvsim_cosim.view.scene3d.viser_panel import Panel, plotted
+from uuvsim_cosim.view.scene3d.viser_scene import ViserScene
 
 if TYPE_CHECKING:
     from viser import ViserServer
@@ -51,12 +51,15 @@ class History:
             del rows[1:-1:2]
             self._gap = 2.0 * (rows[-1][0] - rows[0][0]) / self._most
 
-    def traces(self, names: Sequence[str], units: dict[str, str], *, last: bool = False) -> Traces:
-        """Return the kept rows, or the last one only."""
+    def traces(
+        self, names: Sequence[str], units: Mapping[str, tuple[str, ...]], *, last: bool = False
+    ) -> Traces:
+        """Return the kept rows, or the last one only; `units` are those of elements."""
         rows = self._rows[-1:] if last else list(self._rows)
         time_ = np.array([t for t, _ in rows])
         table = np.array([r for _, r in rows]).reshape(len(rows), len(names))
-        return Traces(time_, joined(dict(zip(names, table.T, strict=True))), units)
+        values = joined(dict(zip(names, table.T, strict=True)))
+        return Traces(time_, values, element_units=units)
 
     def __len__(self) -> int:
         return len(self._rows)
@@ -78,7 +81,7 @@ class LiveView:
         self._over = threading.Event()
         self._thread: threading.Thread | None = None
         self._next = -np.inf
-        self._units: dict[str, str] = {}
+        self._units: dict[str, tuple[str, ...]] = {}
         self._names: list[str] = []
         self._read: list[tuple[NDArray[np.intp], NDArray[np.intp], str]] = []
         self._waiting = server.gui.add_markdown("The first step is being prepared.")
@@ -86,7 +89,7 @@ class LiveView:
 
     def begin(self, plan: Plan, columns: Sequence[Column]) -> None:
         """Build the page of a plan, and begin to draw."""
-        self.stage = stage_of_plan(plan, self.name)
+        self.scene3d = scene3d_of_plan(plan, self.name)
         numeric = [i for i, c in enumerate(columns) if not c.type.is_blob]
         self._names = [columns[i].name for i in numeric]
         dtypes = [columns[i].type.dtype for i in numeric]
@@ -95,8 +98,9 @@ class LiveView:
             self._read.append((places, np.array(numeric, np.intp)[places], dtype))
         for i in numeric:
             variable = columns[i].variable
-            units = dict.fromkeys(u or "1" for u in variable.units)
-            self._units[f"{columns[i].path}.{variable.name}"] = ", ".join(units)
+            self._units[f"{columns[i].path}.{variable.name}"] = tuple(
+                u or "" for u in variable.units
+            )
         self._thread = threading.Thread(target=self._draw, name="uuvsim live view", daemon=True)
         self._thread.start()
 
@@ -141,24 +145,24 @@ class _Page:
     """Page of a live run."""
 
     def __init__(self, server: ViserServer, live: LiveView, newest: Traces) -> None:
-        self.server, self.stage = server, live.stage
-        self.low, self.high = extent(self.stage, motion_of(self.stage, newest))
-        self.drawn = ViserStage(server, self.stage, self.low, self.high)
+        self.server, self.scene3d = server, live.scene3d
+        self.low, self.high = extent(self.scene3d, motion_of(self.scene3d, newest))
+        self.drawn = ViserScene(server, self.scene3d, self.low, self.high)
         server.gui.add_markdown(f"### {live.name.replace('_', ' ')}, live")
         self.clock = server.gui.add_text("time [s]", "", disabled=True)
         self.panel = Panel(server, self.drawn, self.low, self.high)
         self.panel.add_parts()
-        self.panel.add_plots(self.panel.signals(newest))
-        self.panel.say_notes(self.stage)
-        self.greatest = {b.name: LEAST for b in self.stage.bodies}  # N
+        self.panel.add_plots(plotted(newest))
+        self.panel.say_notes(self.scene3d)
+        self.greatest = {b.name: LEAST for b in self.scene3d.bodies}  # N
         self.last_slow = -np.inf
         for client in server.get_clients().values():
             self.panel.look(client)
 
     def show(self, newest: Traces, whole: Traces | None, now: float) -> None:
-        motion = motion_of(self.stage, newest)
+        motion = motion_of(self.scene3d, newest)
         scales = {}
-        for body in self.stage.bodies:
+        for body in self.scene3d.bodies:
             thrust = motion.thrusts.get(body.name)
             if thrust is not None:
                 self.greatest[body.name] = max(self.greatest[body.name], float(abs(thrust).max()))
@@ -169,6 +173,6 @@ class _Page:
             self.clock.value = f"{float(newest.time[0]):.2f}"
             if whole is not None:
                 self.last_slow = now
-                self.drawn.tracks(motion_of(self.stage, whole))
+                self.drawn.tracks(motion_of(self.scene3d, whole))
                 self.panel.plot(whole)
         self.panel.move_camera(motion, 0)

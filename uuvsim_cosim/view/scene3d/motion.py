@@ -1,4 +1,4 @@
-"""Motion of a stage's parts over the moments of a recording."""
+"""Motion of a scene's parts over the moments of a recording."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from uuvsim_cosim.models.declaration.element_names import split_element_name
 from uuvsim_cosim.view.recorded.traces import Array, Traces
-from uuvsim_cosim.view.scene3d.scene import Body, Rays, Stage
+from uuvsim_cosim.view.scene3d.scene import Body, Scene3D
 
 __all__ = ["Motion", "echoes", "extent", "motion_of", "quaternions", "turned"]
 
@@ -35,14 +35,14 @@ class Motion:
         return int(np.clip(np.searchsorted(self.time, t, side="right") - 1, 0, len(self.time) - 1))
 
 
-def motion_of(stage: Stage, traces: Traces, most: int | None = None) -> Motion:
+def motion_of(scene3d: Scene3D, traces: Traces, most: int | None = None) -> Motion:
     """Return the recorded motion, thinned evenly to at most `most` moments."""
     n = len(traces.time)
     picks: slice | NDArray[np.intp] = slice(None)
     if most is not None and n > most:
         picks = np.unique(np.linspace(0, n - 1, most).astype(np.intp))
     positions, attitudes, thrusts, scales, ranges, estimates = {}, {}, {}, {}, {}, {}
-    for body in stage.bodies:
+    for body in scene3d.bodies:
         eta = _signal(traces, body.eta)
         if eta is None or eta.ndim != 2 or eta.shape[1] < 6:
             continue
@@ -64,10 +64,15 @@ def motion_of(stage: Stage, traces: Traces, most: int | None = None) -> Motion:
         if believed is not None and believed.ndim == 2 and believed.shape[1] >= 3:
             estimates[body.name] = believed[picks, :3]
         for rays in body.rays:
-            distance = _ranges(traces, rays)
-            if distance is not None:
-                ranges[rays.name] = distance[picks]
-    for marker in stage.markers:
+            given, valid = _signal(traces, rays.signal), _signal(traces, rays.valid)
+            if given is None or given.size != n * len(rays.directions):
+                continue
+            distance = given.reshape(n, -1)
+            heard = np.isfinite(distance) & (distance > 0)
+            if valid is not None:
+                heard &= valid.reshape(n, -1) > 0.5
+            ranges[rays.name] = np.where(heard, distance, np.nan)[picks]
+    for marker in scene3d.markers:
         at = _signal(traces, marker.signal)
         if at is not None and at.ndim == 2 and at.shape[1] >= 3:
             positions[marker.name] = at[picks, :3]
@@ -85,20 +90,6 @@ def _signal(traces: Traces, name: str) -> Array | None:
     if value is None or value.ndim != 2 or len(indices) != 1 or indices[0] > value.shape[1]:
         return None
     return np.asarray(value[:, indices[0] - 1], float)
-
-
-def _ranges(traces: Traces, rays: Rays) -> Array | None:
-    given = _signal(traces, rays.signal)
-    if given is None:
-        return None
-    distance = given.reshape(len(given), -1)
-    if distance.shape[1] != len(rays.directions):
-        return None
-    heard = np.isfinite(distance) & (distance > 0)
-    valid = _signal(traces, rays.valid)
-    if valid is not None:
-        heard &= valid.reshape(len(valid), -1) > 0.5
-    return np.where(heard, distance, np.nan)
 
 
 def quaternions(angles: Array) -> Array:
@@ -139,25 +130,25 @@ def echoes(body: Body, motion: Motion, most: int = 60_000) -> Array:
     return np.concatenate(found)[:most] if found else np.zeros((0, 3))
 
 
-def extent(stage: Stage, motion: Motion) -> tuple[Array, Array]:
+def extent(scene3d: Scene3D, motion: Motion) -> tuple[Array, Array]:
     """Return the least and greatest N, E, D of moving parts, planned paths and basins.
 
     Obstacles count only near those: a chart has some kilometres away.
     """
     parts = [p for p in motion.positions.values() if len(p)]
-    parts += [line.points for line in stage.lines]
-    parts += [s.mesh.vertices.astype(float) for s in stage.solids if s.kind == "basin"]
+    parts += [line.points for line in scene3d.lines]
+    parts += [s.mesh.vertices.astype(float) for s in scene3d.solids if s.kind == "basin"]
     points = np.concatenate(parts) if parts else np.zeros((0, 3))
     points = points[np.isfinite(points).all(axis=1)]
-    if not len(points) and stage.terrain is not None:
-        a, b, c, d = stage.terrain.extent
-        return np.array([a, c, 0.0]), np.array([b, d, float(np.nanmax(stage.terrain.z))])
+    if not len(points) and scene3d.terrain is not None:
+        a, b, c, d = scene3d.terrain.extent
+        return np.array([a, c, 0.0]), np.array([b, d, float(np.nanmax(scene3d.terrain.z))])
     if not len(points):
         return -np.ones(3), np.ones(3)
-    margin = max((b.size for b in stage.bodies), default=0.5)
+    margin = max((b.size for b in scene3d.bodies), default=0.5)
     low, high = points.min(axis=0) - margin, points.max(axis=0) + margin
     near = 0.5 * float(max(high[:2] - low[:2]))
-    for solid in stage.solids:
+    for solid in scene3d.solids:
         a, b = solid.mesh.vertices.min(axis=0), solid.mesh.vertices.max(axis=0)
         if (a[:2] > low[:2] - near).all() and (b[:2] < high[:2] + near).all():
             low, high = np.minimum(low, a), np.maximum(high, b)

@@ -45,7 +45,17 @@ def rays_of(plan: Plan, hull: int, value: Value, notes: list[str]) -> Iterator[R
                 break
             if value(sensor, "r_s") is None:  # no sensor, but a controller that reads an altitude
                 break
-            directions = _directions(sensor, value, n)
+            directions, tilt, azimuth = (
+                value(sensor, wanted) for wanted in ("directions", "tilt", "azimuth")
+            )
+            if directions is not None and directions.shape in ((n, 3), (3, n)):
+                directions = directions if directions.shape == (n, 3) else directions.T
+            elif tilt is not None and azimuth is not None and azimuth.shape == (n,):
+                t = np.broadcast_to(tilt, (n,))
+                s = np.sin(t)
+                directions = np.column_stack([s * np.cos(azimuth), s * np.sin(azimuth), np.cos(t)])
+            else:
+                directions = np.array([[0.0, 0.0, 1.0]]) if n == 1 else None
             if directions is None:
                 notes.append(f"{sensor.path}.{name}: where its {n} rays point is not known")
                 break
@@ -83,20 +93,6 @@ def _instrument(sensor: PlannedComponent, value: Value, n: int, output: str) -> 
     turn = beams.R_bs if theta is None else rotation(*theta.tolist())
     place = beams.r_s if r is None else r
     return Rays(sensor.path, f"{sensor.path}.{output}", place, along @ turn.T)
-
-
-def _directions(sensor: PlannedComponent, value: Value, n: int) -> Array | None:
-    directions = value(sensor, "directions")
-    if directions is not None and directions.shape == (n, 3):
-        return directions
-    if directions is not None and directions.shape == (3, n):
-        return directions.T
-    tilt, azimuth = value(sensor, "tilt"), value(sensor, "azimuth")
-    if tilt is not None and azimuth is not None and azimuth.shape == (n,):
-        t = np.broadcast_to(tilt, (n,))
-        s = np.sin(t)
-        return np.column_stack([s * np.cos(azimuth), s * np.sin(azimuth), np.cos(t)])
-    return np.array([[0.0, 0.0, 1.0]]) if n == 1 else None
 
 
 def rotation(phi: float, theta: float, psi: float) -> Array:

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING
 
 from uuvsim_cosim.view.recorded.traces import Traces
 from uuvsim_cosim.view.scene3d.motion import Motion, extent
-from uuvsim_cosim.view.scene3d.scene import Stage
-from uuvsim_cosim.view.scene3d.viser_panel import Panel
-from uuvsim_cosim.view.scene3d.viser_scene import ViserStage
+from uuvsim_cosim.view.scene3d.scene import Scene3D
+from uuvsim_cosim.view.scene3d.viser_panel import Panel, plotted
+from uuvsim_cosim.view.scene3d.viser_scene import ViserScene
 
 if TYPE_CHECKING:
     from viser import GuiEvent, ViserServer
@@ -19,47 +19,51 @@ __all__ = ["Replay"]
 
 FRAMES = 30.0  # Hz
 SLOW = 5.0  # Hz, at which the slider and the plots move on their own
+SPEEDS = ("0.125 x", "0.25 x", "0.5 x", "1 x", "2 x", "4 x", "8 x", "16 x", "32 x", "64 x")
 IDLE = 0.2  # s between two checks for viewers, while there is none
 
 
 class Replay:
     """The page of a recording; `serve` keeps it moving until it is interrupted."""
 
-    def __init__(self, server: ViserServer, stage: Stage, motion: Motion, traces: Traces) -> None:
+    def __init__(
+        self, server: ViserServer, scene3d: Scene3D, motion: Motion, traces: Traces
+    ) -> None:
         self.server, self.motion, self.traces = server, motion, traces
         self.start, self.end = float(motion.time[0]), float(motion.time[-1])
         self.t = self.start
-        low, high = extent(stage, motion)
-        self.drawn = ViserStage(server, stage, low, high)
+        low, high = extent(scene3d, motion)
+        self.drawn = ViserScene(server, scene3d, low, high)
         self.drawn.tracks(motion)
         gui = server.gui
-        gui.add_markdown(f"### {stage.name.replace('_', ' ')}")
+        gui.add_markdown(f"### {scene3d.name.replace('_', ' ')}")
         self.clock = gui.add_text("time [s]", "", disabled=True)
         whole = max(self.end - self.start, 1e-9)
-        self.slider = gui.add_slider("moment", 0.0, whole, whole / 2000.0, 0.0)
+        self.slider = gui.add_slider("time since the start [s]", 0.0, whole, whole / 2000.0, 0.0)
         self.playing = gui.add_checkbox("play", True)
-        self.speed = gui.add_slider("speed, log2", -3.0, 6.0, 0.5, 0.0)
-        self.again = gui.add_checkbox("again and again", False)
+        self.speed = gui.add_dropdown("speed", SPEEDS, initial_value="1 x")
+        self.again = gui.add_checkbox("repeat", False)
         panel = self.panel = Panel(server, self.drawn, low, high)
         panel.add_parts()
-        panel.add_plots(panel.signals(traces))
-        panel.say_notes(stage)
-        self.slider.on_update(self._moved)
-        self.playing.on_update(self._begun)
+        panel.add_plots(plotted(traces))
+        panel.say_notes(scene3d)
+
+        def moved(event: GuiEvent) -> None:
+            if event.client is not None:  # a viewer moved it, not the replay
+                self.t = self.start + float(self.slider.value)
+
+        def begun(_: GuiEvent) -> None:
+            if self.playing.value and self.t >= self.end:
+                self.t = self.start
+
+        self.slider.on_update(moved)
+        self.playing.on_update(begun)
         self.show()
-
-    def _moved(self, event: GuiEvent) -> None:
-        if event.client is not None:  # a viewer moved it, not the replay
-            self.t = self.start + float(self.slider.value)
-
-    def _begun(self, event: GuiEvent) -> None:
-        if self.playing.value and self.t >= self.end:
-            self.t = self.start
 
     @property
     def factor(self) -> float:
         """The seconds of the recording in one of the wall clock."""
-        return float(2.0**self.speed.value)
+        return float(self.speed.value.removesuffix(" x"))
 
     def advance(self, seconds: float) -> None:
         """Advance the replay by `seconds` of wall time; at the end it stops, or begins again."""

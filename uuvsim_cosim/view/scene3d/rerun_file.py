@@ -1,4 +1,4 @@
-"""Export of a stage and its motion to Rerun (.rrd); needs the extra `rerun`."""
+"""Export of a scene and its motion to Rerun (.rrd); needs the extra `rerun`."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from uuvsim_cosim.view.scene3d.colours import (
     rgb,
 )
 from uuvsim_cosim.view.scene3d.motion import Motion, echoes
-from uuvsim_cosim.view.scene3d.scene import Stage
+from uuvsim_cosim.view.scene3d.scene import Scene3D
 from uuvsim_cosim.view.scene3d.scene_of_run import placed
 from uuvsim_cosim.view.scene3d.shapes import terrain_mesh
 
@@ -44,15 +44,15 @@ def export_rrd(run: str | Path, out: Path) -> Path:
             "writing .rrd needs rerun-sdk, which is not installed",
             "the extra `rerun`: pip install 'uuvsim-cosim[rerun]'",
         ) from None
-    stage, motion, traces = placed(run)
+    scene3d, motion, traces = placed(run)
     if not out.absolute().parent.is_dir():
         raise InputInvalid(out, "its folder does not exist", "a file in a folder")
-    recording = rerun.RecordingStream("uuvsim", recording_id=stage.name or "run")
+    recording = rerun.RecordingStream("uuvsim", recording_id=scene3d.name or "run")
     with whole_file(out) as fresh:
         recording.save(str(fresh))
         try:
-            _still(recording, rerun, stage, motion)
-            _moving(recording, rerun, stage, motion)
+            _still(recording, rerun, scene3d, motion)
+            _moving(recording, rerun, scene3d, motion)
             when = [rerun.TimeColumn("time", duration=traces.time)]
             for name, values in traces.values.items():
                 table = values.reshape(len(values), -1)
@@ -68,25 +68,25 @@ def export_rrd(run: str | Path, out: Path) -> Path:
     return out
 
 
-def _still(to: RecordingStream, rr: ModuleType, stage: Stage, motion: Motion) -> None:
+def _still(to: RecordingStream, rr: ModuleType, scene3d: Scene3D, motion: Motion) -> None:
     to.log("world", rr.ViewCoordinates.FRD, static=True)  # N, E, D lie as ahead, right, down
-    if stage.terrain is not None:
-        mesh = terrain_mesh(stage.terrain, 320)
+    if scene3d.terrain is not None:
+        mesh = terrain_mesh(scene3d.terrain, 320)
         to.log("world/terrain", rr.Mesh3D(
             vertex_positions=mesh.vertices, triangle_indices=mesh.faces,
             vertex_colors=depth_colours(mesh.vertices[:, 2]),
         ), static=True)  # fmt: skip
-    for solid in stage.solids:
+    for solid in scene3d.solids:
         filled = [*rgb(SOLIDS.get(solid.kind, PATH)), 90 if solid.kind == "basin" else 255]
         shape = rr.Mesh3D(
             vertex_positions=solid.mesh.vertices, triangle_indices=solid.mesh.faces,
             albedo_factor=filled,
         )  # fmt: skip
         to.log(f"world/solids/{_name(solid.name)}", shape, static=True)
-    for line in stage.lines:
+    for line in scene3d.lines:
         strip = rr.LineStrips3D([line.points], colors=[rgb(PATH)])
         to.log(f"world/{_name(line.name)}", strip, static=True)
-    for i, body in enumerate(stage.bodies):
+    for i, body in enumerate(scene3d.bodies):
         place = f"world/{_name(body.name)}"
         colour = rgb(BODIES[i % len(BODIES)])
         to.log(f"{place}/hull", rr.Mesh3D(
@@ -104,19 +104,19 @@ def _still(to: RecordingStream, rr: ModuleType, stage: Stage, motion: Motion) ->
         if len(points):
             cloud = rr.Points3D(points, colors=depth_colours(points[:, 2]), radii=0.03)
             to.log(f"world/echoes/{_name(body.name)}", cloud, static=True)
-    for marker in stage.markers:
+    for marker in scene3d.markers:
         ball = rr.Points3D([[0.0, 0.0, 0.0]], colors=[rgb(MARKER)], radii=marker.radius)
         to.log(f"world/{_name(marker.name)}", ball, static=True)
 
 
-def _moving(to: RecordingStream, rr: ModuleType, stage: Stage, motion: Motion) -> None:
+def _moving(to: RecordingStream, rr: ModuleType, scene3d: Scene3D, motion: Motion) -> None:
     when = [rr.TimeColumn("time", duration=motion.time)]
     for name, positions in motion.positions.items():
         columns = {"translation": positions}
         if name in motion.attitudes:
             columns["quaternion"] = motion.attitudes[name][:, [1, 2, 3, 0]]
         to.send_columns(f"world/{_name(name)}", when, rr.Transform3D.columns(**columns))
-    for body in stage.bodies:
+    for body in scene3d.bodies:
         thrust = motion.thrusts.get(body.name)
         if thrust is None:
             continue

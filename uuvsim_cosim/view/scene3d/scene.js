@@ -3,9 +3,10 @@
 /*MATH*/
 /*GL*/
   const card = document.getElementById("scene"), canvas = card.querySelector("canvas");
+  const overlay = card.querySelector(".overlay"), ink = overlay.getContext("2d");
   const gl = canvas.getContext("webgl2", { antialias: true, alpha: false });
   if (!gl) {
-    card.querySelector(".stage").textContent = "This browser shows no 3-D scene: it has no WebGL 2, or it is switched off.";
+    card.querySelector(".viewport").textContent = "This browser shows no 3-D scene: it has no WebGL 2, or it is switched off.";
     card.querySelector(".controls").style.display = "none";
     return;
   }
@@ -24,30 +25,52 @@
   const rgb = c => [1, 3, 5].map(i => parseInt(c.slice(i, i + 2), 16) / 255);
   const mesh = m => surface(gl, tri, floats(m.v), new Uint32Array(bytes(m.f)));
 
+  const origin = data.origin;  // positions are relative to it: float32 keeps their digits
+  let levels = new Map(), interval = 0;
   function ground(t) {
     const z = shorts(t.z), [rows, columns] = t.shape, v = new Float32Array(3 * z.length), f = [];
+    interval = nice(t.depths[1] - t.depths[0], 8);
     for (let i = 0; i < rows; i++) for (let j = 0; j < columns; j++) {
       const k = i * columns + j;
-      v.set([t.north[i], t.east[j], t.low + t.step * z[k]], 3 * k);
+      v.set([t.north[i] - origin[0], t.east[j] - origin[1], t.low + t.step * z[k]], 3 * k);
       if (!i || !j) continue;
       const a = k - columns - 1, b = k - 1, d = k - columns;
       if ([a, b, k, d].every(p => z[p] > -32768)) f.push(a, k, b, a, d, k);
     }
+    levels = contours(v, f, interval);
     return surface(gl, tri, v, new Uint32Array(f));
   }
   const terrain = data.terrain && ground(data.terrain);
+  const isolines = [...levels].map(([level, points]) => ({ level, points, ...line(gl, lin, corners, new Float32Array(points), false) }));
+  card.querySelectorAll(".interval").forEach(e => { e.textContent = interval ? `contours every ${+interval.toPrecision(3)} m` : ""; });
   const solids = data.solids.map(s => ({ ...mesh(s), colour: rgb(s.colour), alpha: s.alpha }));
-  const lines = data.lines.map(l => ({ ...line(gl, lin, corners, floats(l.points), true), colour: rgb(l.colour), width: l.width }));
+  const lines = data.lines.map(l => {
+    const points = floats(l.points);
+    return { ...line(gl, lin, corners, points, true), points, mark: l.mark && new Path2D(l.mark), every: l.every, css: l.colour, colour: rgb(l.colour), width: l.width };
+  });
   const bodies = data.bodies.map(b => {
     const p = floats(b.p), arrows = b.arrows && { r: b.arrows.r, e: b.arrows.e, v: shorts(b.arrows.v), scale: b.arrows.scale };
     const points = arrows && new Float32Array(18 * arrows.r.length);
-    return { name: b.name, p, q: b.q && shorts(b.q), size: b.size, hull: mesh(b), colour: rgb(b.colour), arrows, points,
+    const corner = floats(b.v), far = k => Math.hypot(corner[k], corner[k + 1], corner[k + 2]);
+    let radius = 0;
+    for (let k = 0; k < corner.length; k += 3) radius = Math.max(radius, far(k));
+    return { name: b.name, p, q: b.q && shorts(b.q), size: b.size, radius, hull: mesh(b), colour: rgb(b.colour), css: b.colour, arrows, points,
       drawn: points && line(gl, lin, corners, points, false) };
   });
 
   const [low, high] = data.extent, middle = low.map((v, i) => (v + high[i]) / 2);
   const reach = Math.hypot(...sub(high, low)) || 1;
-  const camera = { at: middle, turn: -2.6, lift: 0.55, away: 1.15 * reach };
+  const spacing = nice(Math.max(high[0] - low[0], high[1] - low[1]), 5);
+  const ticks = (a, b, s) => Array.from({ length: Math.max(0, Math.floor(b / s + 1e-9) - Math.ceil(a / s - 1e-9)) + 1 }, (_, k) => (Math.ceil(a / s - 1e-9) + k) * s);
+  // Axes along three edges of the box around the motion: from its corner in the south-west, below.
+  const top = Math.min(0, low[2]), axes = [
+    { name: "north [m]", end: [high[0], low[1], high[2]], to: v => [v, low[1], high[2]], at: ticks(low[0] + origin[0], high[0] + origin[0], spacing), shift: origin[0] },
+    { name: "east [m]", end: [low[0], high[1], high[2]], to: v => [low[0], v, high[2]], at: ticks(low[1] + origin[1], high[1] + origin[1], spacing), shift: origin[1] },
+    { name: "depth [m]", end: [low[0], low[1], top], to: v => [low[0], low[1], v], at: ticks(top, high[2], nice(Math.max(high[2] - top, 1e-3), 3)), shift: 0 },
+  ];
+  const corner = [low[0], low[1], high[2]];
+  const frame = line(gl, lin, corners, new Float32Array(axes.flatMap(a => [...corner, ...a.end])), false);
+  const camera = { at: middle, turn: -2.6, lift: 0.55, away: 1.3 * reach };
   let t = time[0], playing = null, follow = false, asked = false;
   const slider = card.querySelector("input[type=range]"), go = card.querySelector(".go");
   const clock = card.querySelector(".clock"), speed = card.querySelector("select"), whom = card.querySelector(".follow");
@@ -75,20 +98,23 @@
     const box = canvas.getBoundingClientRect(), ratio = Math.min(2, window.devicePixelRatio || 1);
     const w = Math.max(1, Math.round(box.width * ratio)), h = Math.max(1, Math.round(box.height * ratio));
     if (canvas.width !== w || canvas.height !== h) { canvas.width = w; canvas.height = h; }
-    const probe = getComputedStyle(card.querySelector(".stage")).backgroundColor.match(/[\d.]+/g).map(Number);
+    const probe = getComputedStyle(card.querySelector(".viewport")).backgroundColor.match(/[\d.]+/g).map(Number);
     const water = probe.slice(0, 3).map(v => v / 255), moment = nearest();
     if (follow && bodies.length) camera.at = where(bodies[0], moment)[0].map((v, i) => isFinite(v) ? v : camera.at[i]);
-    const c = Math.cos(camera.lift), eye = [
-      camera.at[0] + camera.away * c * Math.cos(camera.turn), camera.at[1] + camera.away * c * Math.sin(camera.turn),
-      camera.at[2] - camera.away * Math.sin(camera.lift)];
-    const view = times(perspective(2 * Math.atan(0.42 * Math.max(1, 1.3 * h / w)), w / h, 0.01 * camera.away, 30 * Math.max(reach, camera.away)), lookAt(eye, camera.at, [0, 0, -1]));
+    const c = Math.cos(camera.lift), to = [c * Math.cos(camera.turn), c * Math.sin(camera.turn), -Math.sin(camera.lift)];
+    const hulls = bodies.map(b => [where(b, moment)[0], 1.15 * b.radius]).filter(([p]) => p.every(isFinite));
+    const eye = outside(camera.at.map((v, i) => v + camera.away * to[i]), to, hulls);
+    camera.away = Math.hypot(...sub(eye, camera.at)); camera.eye = eye; camera.hulls = hulls;
+    const near = Math.min(0.01 * camera.away, ...hulls.map(([p, r]) => Math.max(0.5 * (Math.hypot(...sub(eye, p)) - 0.87 * r), 1e-3 * r)));
+    const opening = 0.42 * Math.max(1, 1.3 * h / w);
+    const view = times(perspective(2 * Math.atan(opening), w / h, near, 30 * Math.max(reach, camera.away)), lookAt(eye, camera.at, [0, 0, -1]));
     gl.viewport(0, 0, w, h); gl.clearColor(...water, 1);
     gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT); gl.enable(gl.DEPTH_TEST);
     gl.blendFunc(gl.SRC_ALPHA, gl.ONE_MINUS_SRC_ALPHA);
     const fill = (s, model, colour, alpha, depths) => {
       bind(tri, view, model, colour, alpha, water);
       gl.uniform3fv(tri.u.eye, eye); gl.uniform2fv(tri.u.depths, depths || [0, 0]);
-      gl.bindVertexArray(s.vao); gl.drawElements(gl.TRIANGLES, s.count, gl.UNSIGNED_INT, 0);
+      gl.bindVertexArray(s.vao); gl.drawArrays(gl.TRIANGLES, 0, s.count);
     };
     const stroke = (l, model, colour, width, alpha) => {
       bind(lin, view, model, colour, alpha, water);
@@ -97,7 +123,10 @@
     };
     if (terrain) fill(terrain, still(), [0, 0, 0], 1, data.terrain.depths);
     for (const s of solids) if (s.alpha === 1) fill(s, still(), s.colour, 1);
+    for (const l of isolines) stroke(l, still(), [0.08, 0.16, 0.26], 0.9, 1);
     for (const l of lines) stroke(l, still(), l.colour, l.width, 1);
+    const css = getComputedStyle(card), muted = css.getPropertyValue("--muted").trim();
+    stroke(frame, still(), rgb(muted), 1, 1);
     for (const b of bodies) {
       const [p, q] = where(b, moment);
       if (!p.every(isFinite)) continue;
@@ -119,7 +148,56 @@
     gl.enable(gl.BLEND); gl.depthMask(false); gl.enable(gl.CULL_FACE);  // a basin is seen from within
     for (const s of solids) if (s.alpha < 1) fill(s, still(), s.colour, s.alpha);
     gl.disable(gl.BLEND); gl.disable(gl.CULL_FACE); gl.depthMask(true); gl.bindVertexArray(null);
+    label(view, box, ratio, opening, css, moment);
     slider.value = t; clock.textContent = "t = " + t.toFixed(1) + " s";
+  }
+  // Texts and marks over the scene: ticks of the axes, depths of contours, marks of lines, a scale.
+  function label(view, box, ratio, opening, css, moment) {
+    const w = box.width, h = box.height;
+    overlay.width = canvas.width; overlay.height = canvas.height;
+    ink.setTransform(ratio, 0, 0, ratio, 0, 0);
+    ink.font = "11px system-ui, sans-serif"; ink.textAlign = "center"; ink.textBaseline = "middle"; ink.lineJoin = "round";
+    const text = (words, p, colour) => {
+      if (!p || p[0] < 0 || p[0] > w || p[1] < 0 || p[1] > h) return;
+      ink.lineWidth = 3; ink.strokeStyle = css.getPropertyValue("--water"); ink.strokeText(words, ...p);
+      ink.fillStyle = colour; ink.fillText(words, ...p);
+    };
+    const muted = css.getPropertyValue("--ink"), minus = v => String(+v.toPrecision(6)).replace("-", "−");
+    for (const axis of axes) {
+      const end = project(view, axis.end, w, h), from = project(view, corner, w, h);
+      if (!end || !from) continue;
+      const length = Math.hypot(end[0] - from[0], end[1] - from[1]);
+      if (length < 40) continue;  // seen from its end
+      let last = null;
+      for (const v of axis.at) {
+        const p = project(view, axis.to(v - axis.shift), w, h);
+        if (!p || (last && Math.hypot(p[0] - last[0], p[1] - last[1]) < 26)) continue;
+        ink.fillStyle = muted; ink.fillRect(p[0] - 1.5, p[1] - 1.5, 3, 3);
+        text(minus(v), [p[0], p[1] + 11], muted); last = p;
+      }
+      text(axis.name, [end[0] + 26 * (end[0] - from[0]) / length, end[1] + 22 * (end[1] - from[1]) / length - 4], muted);
+    }
+    for (const { level, points } of isolines) {
+      const k = 3 * Math.floor(points.length / 6);
+      text(minus(level), project(view, points.slice(k, k + 3), w, h), muted);
+    }
+    lines.forEach((l, number) => {
+      if (!l.mark) return;
+      const n = l.points.length / 3, every = l.every || Math.max(1, Math.floor(n / 12));
+      for (let k = l.every ? 0 : Math.floor(every * ((0.25 + 0.4 * number) % 1)); k < n; k += every) {
+        const p = project(view, l.points.subarray(3 * k, 3 * k + 3), w, h);
+        if (!p) continue;
+        ink.save(); ink.translate(...p); ink.scale(0.9, 0.9); ink.lineWidth = 1.2;
+        ink.strokeStyle = ink.fillStyle = l.css; ink.fill(l.mark); ink.stroke(l.mark); ink.restore();
+      }
+    });
+    if (bodies.length > 1) for (const b of bodies) {
+      const [at] = where(b, moment);
+      if (at.every(isFinite)) { const p = project(view, at, w, h); if (p) text(b.name, [p[0], p[1] - 14], b.css); }
+    }
+    const metre = h / (2 * camera.away * opening), size = nice(90 / metre, 1), wide = size * metre;
+    ink.fillStyle = muted; ink.fillRect(14, h - 16, wide, 2); ink.fillRect(14, h - 20, 1.5, 6); ink.fillRect(12.5 + wide, h - 20, 1.5, 6);
+    text(`${minus(size)} m at the centre`, [14 + Math.max(wide / 2, 46), h - 28], muted);
   }
   function again() { if (!asked) { asked = true; requestAnimationFrame(draw); } }
   function stop() { playing = null; go.textContent = "play"; }
@@ -140,7 +218,7 @@
   whom.onchange = () => {
     follow = whom.checked;
     if (follow && bodies.length) camera.away = 7 * bodies[0].size;
-    else { camera.at = middle; camera.away = 1.15 * reach; }
+    else { camera.at = middle; camera.away = 1.3 * reach; }
     again();
   };
   canvas.onpointerdown = e => { canvas.setPointerCapture(e.pointerId); canvas.focus({ preventScroll: true }); };
@@ -158,7 +236,7 @@
     again();
   };
   canvas.oncontextmenu = e => e.preventDefault();
-  function zoom(by) { camera.away = Math.min(20 * reach, Math.max(0.005 * reach, camera.away * by)); again(); }
+  function zoom(by) { camera.away = Math.min(20 * reach, Math.max(0.002 * reach, camera.away * by)); again(); }
   // Until somebody has clicked into it, the wheel turns the page, not the scene.
   canvas.addEventListener("wheel", e => {
     if (document.activeElement !== canvas && !e.ctrlKey) return;
@@ -173,6 +251,6 @@
   window.addEventListener("resize", again);
   matchMedia("(prefers-color-scheme: dark)").addEventListener("change", again);
   new MutationObserver(again).observe(document.documentElement, { attributes: true });
-  window.uuvsimScene = { at: s => { if (!playing) { t = s; again(); } } };
+  window.uuvsimScene = { camera, zoom, at: s => { if (!playing) { t = s; again(); } } };
   draw();
 })();

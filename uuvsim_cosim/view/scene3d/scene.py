@@ -1,4 +1,4 @@
-"""A stage: the parts to draw in three dimensions, and the signals that move them.
+"""Scene of a system: the parts to draw in three dimensions, and the signals that move them.
 
 It depends on no drawing library; the live view, the report and the exporters all read it. All
 lengths are in metres, in NED (`n`), or in a body's axes FRD (`b`).
@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from uuvsim_cosim.models.worlds.terrain import Terrain
 
-__all__ = ["Arrow", "Body", "Line", "Marker", "Mesh", "Rays", "Solid", "Stage"]
+__all__ = ["Arrow", "Body", "Line", "Marker", "Mesh", "Rays", "Scene3D", "Solid"]
 
 Array = NDArray[np.float64]
 
@@ -92,7 +92,7 @@ class Solid:
 
 
 @dataclass(frozen=True, eq=False)
-class Stage:
+class Scene3D:
     """All that can be drawn of one system."""
 
     name: str
@@ -114,6 +114,6 @@ class Stage:
         names += [m.signal for m in self.markers]
         return tuple(dict.fromkeys(n for n in names if n))
 
-    def with_lines(self, *lines: Line) -> Stage:
-        """Return the stage with these lines as well."""
+    def with_lines(self, *lines: Line) -> Scene3D:
+        """Return the scene with these lines as well."""
         return replace(self, lines=(*self.lines, *lines))

@@ -1,17 +1,21 @@
-// Two programs: triangles, lit by the slope that the screen shows, and lines of a width in pixels.
+// Two programs: triangles with the normals of their faces, and lines of a width in pixels.
+// Normals are attributes: derivatives of a position lose their digits far from the origin.
 const SURFACE = [`#version 300 es
-uniform mat4 view, model; in vec3 at; out vec3 place; out float away;
-void main() { vec4 p = model * vec4(at, 1.0); place = p.xyz; gl_Position = view * p; away = gl_Position.w; }`,
+uniform mat4 view, model; in vec3 at, normal; out vec3 place, facing; out float away;
+void main() {
+  vec4 p = model * vec4(at, 1.0); place = p.xyz; facing = mat3(model) * normal;
+  gl_Position = view * p; away = gl_Position.w;
+}`,
 `#version 300 es
 precision highp float;
-uniform vec3 colour, water, eye; uniform vec2 depths; uniform float fade, alpha; in vec3 place; in float away; out vec4 seen;
+uniform vec3 colour, water, eye; uniform vec2 depths; uniform float fade, alpha; in vec3 place, facing; in float away; out vec4 seen;
 vec3 tint(float s) {
   vec3 c[6] = vec3[6](vec3(.89,.83,.64), vec3(.72,.81,.61), vec3(.44,.71,.64), vec3(.25,.56,.69), vec3(.16,.39,.6), vec3(.11,.25,.45));
   float f = clamp(s, 0.0, 1.0) * 4.999; int i = int(f);
   return mix(c[i], c[i + 1], f - float(i));
 }
 void main() {
-  vec3 n = normalize(cross(dFdx(place), dFdy(place)));
+  vec3 n = normalize(facing);
   if (dot(n, eye - place) < 0.0) n = -n;
   float light = 0.5 + 0.38 * max(dot(n, normalize(vec3(-0.35, -0.5, -0.8))), 0.0) + 0.14 * abs(n.x);
   vec3 c = depths.y > depths.x ? tint((place.z - depths.x) / (depths.y - depths.x)) : colour;
@@ -54,14 +58,20 @@ function program(gl, [vertex, fragment]) {
   return { p, u: names, at: name => gl.getAttribLocation(p, name) };
 }
 function surface(gl, prog, vertices, faces) {
+  const data = new Float32Array(6 * faces.length), at = k => vertices.subarray(3 * k, 3 * k + 3);
+  for (let i = 0; i < faces.length; i += 3) {
+    const [a, b, c] = [at(faces[i]), at(faces[i + 1]), at(faces[i + 2])];
+    const normal = unit(cross(sub(b, a), sub(c, a)));
+    [a, b, c].forEach((p, k) => { data.set(p, 6 * (i + k)); data.set(normal, 6 * (i + k) + 3); });
+  }
   const vao = gl.createVertexArray();
   gl.bindVertexArray(vao);
   gl.bindBuffer(gl.ARRAY_BUFFER, gl.createBuffer());
-  gl.bufferData(gl.ARRAY_BUFFER, vertices, gl.STATIC_DRAW);
-  gl.enableVertexAttribArray(prog.at("at"));
-  gl.vertexAttribPointer(prog.at("at"), 3, gl.FLOAT, false, 0, 0);
-  gl.bindBuffer(gl.ELEMENT_ARRAY_BUFFER, gl.createBuffer());
-  gl.bufferData(gl.ELEMENT_ARRAY_BUFFER, faces, gl.STATIC_DRAW);
+  gl.bufferData(gl.ARRAY_BUFFER, data, gl.STATIC_DRAW);
+  for (const [name, offset] of [["at", 0], ["normal", 12]]) {
+    gl.enableVertexAttribArray(prog.at(name));
+    gl.vertexAttribPointer(prog.at(name), 3, gl.FLOAT, false, 24, offset);
+  }
   gl.bindVertexArray(null);
   return { vao, count: faces.length };
 }

@@ -40,3 +40,44 @@ function between(q, p, part) {
   const m = q.map((v, i) => v + part * (sign * p[i] - v)), n = Math.hypot(...m) || 1;
   return m.map(v => v / n);
 }
+// A round step that cuts a span into about `count` parts.
+function nice(span, count) {
+  const rough = span / count, power = 10 ** Math.floor(Math.log10(rough));
+  return power * [1, 2, 5, 10].find(m => m * power >= rough * 0.999);
+}
+// Segments at which a triangulated surface has the depths k * step: { level: [n e d n e d ...] }.
+function contours(vertices, faces, step) {
+  const found = new Map();
+  for (let i = 0; i < faces.length; i += 3) {
+    const p = [0, 1, 2].map(k => [0, 1, 2].map(c => vertices[3 * faces[i + k] + c]));
+    const low = Math.min(p[0][2], p[1][2], p[2][2]), high = Math.max(p[0][2], p[1][2], p[2][2]);
+    for (let k = Math.ceil(low / step); k * step < high; k++) {
+      const level = k * step, ends = [];
+      for (const [a, b] of [[p[0], p[1]], [p[1], p[2]], [p[2], p[0]]]) {
+        if ((a[2] <= level) === (b[2] <= level)) continue;
+        const part = (level - a[2]) / (b[2] - a[2]);
+        ends.push(...a.map((v, c) => v + part * (b[c] - v)));
+      }
+      if (ends.length === 6) {
+        if (!found.has(level)) found.set(level, []);
+        found.get(level).push(...ends);
+      }
+    }
+  }
+  return found;
+}
+// Move an eye along a direction until it is outside of all spheres [centre, radius].
+function outside(eye, direction, spheres) {
+  for (let again = 0; again < 4; again++) for (const [centre, radius] of spheres) {
+    const o = sub(eye, centre), c = dot(o, o) - radius * radius;
+    if (c >= -1e-9) continue;
+    const b = dot(o, direction), s = Math.sqrt(b * b - c) - b;
+    eye = eye.map((v, i) => v + s * direction[i]);
+  }
+  return eye;
+}
+// Pixels of a point, or null behind the camera.
+function project(view, p, width, height) {
+  const c = [0, 1, 3].map(r => view[r] * p[0] + view[4 + r] * p[1] + view[8 + r] * p[2] + view[12 + r]);
+  return c[2] > 1e-6 ? [(0.5 + 0.5 * c[0] / c[2]) * width, (0.5 - 0.5 * c[1] / c[2]) * height] : null;
+}

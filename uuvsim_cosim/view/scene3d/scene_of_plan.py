@@ -1,4 +1,4 @@
-"""Stage of a system from its plan alone: interfaces, wires and parameters, no list of names.
+"""Scene3D of a system from its plan alone: interfaces, wires and parameters, no list of names.
 
 A hull is a component with a pose ``eta`` (6) that ``tau`` (6) moves. Its thrusters stand where the
 component that makes its ``tau`` of ``thrust`` (n) has them in its parameters ``r`` and ``e``. A
@@ -22,7 +22,7 @@ from uuvsim_cosim.models.worlds.scene import Scene
 from uuvsim_cosim.orchestrator.plan.plan import Plan, PlannedComponent
 from uuvsim_cosim.orchestrator.running.mission import path_of
 from uuvsim_cosim.view.scene3d.rays import rays_of
-from uuvsim_cosim.view.scene3d.scene import Arrow, Body, Line, Marker, Mesh, Solid, Stage
+from uuvsim_cosim.view.scene3d.scene import Arrow, Body, Line, Marker, Mesh, Scene3D, Solid
 from uuvsim_cosim.view.scene3d.shapes import (
     MOST_DRAWN,
     basin,
@@ -32,15 +32,15 @@ from uuvsim_cosim.view.scene3d.shapes import (
     placed_surface,
 )
 
-__all__ = ["ANYTHING", "pool_solids", "scene_solids", "stage_of_plan", "value_of"]
+__all__ = ["ANYTHING", "pool_solids", "scene3d_of_plan", "scene_solids", "value_of"]
 
 Array = NDArray[np.float64]
 UNKNOWN = 0.5  # m, the length of a hull of unknown size
 ANYTHING = box(np.array([-0.25, -0.175, -0.125]), np.array([0.25, 0.175, 0.125]))
 
 
-def stage_of_plan(plan: Plan, name: str = "") -> Stage:
-    """Return the stage of a system; its notes name the parts that cannot be drawn."""
+def scene3d_of_plan(plan: Plan, name: str = "") -> Scene3D:
+    """Return the scene of a system; its notes name the parts that cannot be drawn."""
     notes: list[str] = []
     hulls = [i for i, c in enumerate(plan.components) if _is_hull(c)]
     bodies = tuple(_body(plan, i, len(hulls) == 1, notes) for i in hulls)
@@ -53,7 +53,18 @@ def stage_of_plan(plan: Plan, name: str = "") -> Stage:
     for c in plan.components:
         if {"origin", "size", "obstacles"} & set(c.description.variables):
             solids |= {s.name: s for s in pool_solids(c)}
-    scene = _scene(plan, notes)
+    scene: Scene | None = None  # named by a component's source: ``model:multibeam?scene=ID``
+    for id in dict.fromkeys(
+        id
+        for c in plan.components
+        for key, id in parse_qsl(c.source.partition("?")[2])
+        if key in ("scene", "terrain") and id
+    ):
+        try:
+            scene = scene_named(id)
+            break
+        except (UuvsimError, OSError) as error:
+            notes.append(f"scene {id}: not drawn ({error})")
     if scene is not None:
         solids |= {s.name: s for s in scene_solids(scene)}
         notes += [
@@ -70,7 +81,7 @@ def stage_of_plan(plan: Plan, name: str = "") -> Stage:
         known = (float(d) for d in depths if d is not None and d.shape == () and np.isfinite(d))
         bottom = next(known, None)
     still = tuple(solids.values())
-    return Stage(name, bodies, markers, lines, still, terrain, bottom, tuple(notes))
+    return Scene3D(name, bodies, markers, lines, still, terrain, bottom, tuple(notes))
 
 
 def value_of(component: PlannedComponent, name: str) -> Array | None:
@@ -201,19 +212,3 @@ def scene_solids(scene: Scene) -> list[Solid]:
         for i, m in enumerate(scene.meshes, len(obstacles) + 1)
     ]
     return obstacles + meshes
-
-
-def _scene(plan: Plan, notes: list[str]) -> Scene | None:
-    """Load the scene that a component's source names: ``model:multibeam?scene=ID``."""
-    named = dict.fromkeys(
-        scene
-        for c in plan.components
-        for key, scene in parse_qsl(c.source.partition("?")[2])
-        if key in ("scene", "terrain") and scene
-    )
-    for name in named:
-        try:
-            return scene_named(name)
-        except (UuvsimError, OSError) as error:
-            notes.append(f"scene {name}: not drawn ({error})")
-    return None

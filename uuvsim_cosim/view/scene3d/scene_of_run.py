@@ -1,4 +1,4 @@
-"""The stage of a recording: by the system in its folder, else by the names of its signals."""
+"""The scene of a recording: by the system in its folder, else by the names of its signals."""
 
 from __future__ import annotations
 
@@ -7,12 +7,11 @@ from pathlib import Path
 import numpy as np
 
 from uuvsim_cosim.errors import InputInvalid, UuvsimError
-from uuvsim_cosim.view.recorded.run_folder import provenance_of, traces_of
-from uuvsim_cosim.view.recorded.traces import Traces
+from uuvsim_cosim.view.recorded.traces import Traces, provenance_of, traces_of
 from uuvsim_cosim.view.scene3d.motion import Motion, motion_of
-from uuvsim_cosim.view.scene3d.scene import Body, Line, Marker, Stage
+from uuvsim_cosim.view.scene3d.scene import Body, Line, Marker, Scene3D
 
-__all__ = ["newest_run", "placed", "stage_of_run", "stage_of_signals"]
+__all__ = ["newest_run", "placed", "scene3d_of_run", "scene3d_of_signals"]
 
 RECORDINGS = ("signals.parquet", "signals.arrows")
 
@@ -29,41 +28,41 @@ def newest_run(runs: str | Path = "runs") -> Path:
     return max(found, key=lambda p: p.stat().st_mtime).parent
 
 
-def stage_of_run(run: str | Path, traces: Traces) -> Stage:
-    """Return the stage of a run's folder or recording, whose signals are these."""
+def scene3d_of_run(run: str | Path, traces: Traces) -> Scene3D:
+    """Return the scene of a run's folder or recording, whose signals are these."""
     path = Path(run)
     folder = path if path.is_dir() else path.parent
     name = path.resolve().name if path.is_dir() else path.stem
-    stage = None
+    scene3d = None
     if (folder / "system.ssd").is_file():
         from uuvsim_cosim.orchestrator.plan.flatten import flatten
         from uuvsim_cosim.orchestrator.running.library import load
-        from uuvsim_cosim.view.scene3d.scene_of_plan import stage_of_plan
+        from uuvsim_cosim.view.scene3d.scene_of_plan import scene3d_of_plan
 
         try:
-            stage = stage_of_plan(flatten(load(folder / "system.ssd"), loops="delay"), name)
+            scene3d = scene3d_of_plan(flatten(load(folder / "system.ssd"), loops="delay"), name)
         except (UuvsimError, OSError) as error:
             reason = f"system.ssd: not understood ({error}); hulls are drawn as boxes"
-            stage = stage_of_signals(traces, name, (reason,))
-        if not any(s in traces.values for s in stage.signals):
-            stage = None  # the folder holds the recording of another system
-    if stage is not None:
-        return stage
-    stage = stage_of_signals(traces, name)
+            scene3d = scene3d_of_signals(traces, name, (reason,))
+        if not any(s in traces.values for s in scene3d.signals):
+            scene3d = None  # the folder holds the recording of another system
+    if scene3d is not None:
+        return scene3d
+    scene3d = scene3d_of_signals(traces, name)
     given = provenance_of(folder).get("waypoints")
     points = np.zeros(0) if given is None else np.asarray(given, float)
     if points.ndim != 2 or points.shape[1] != 3 or not len(points):
-        return stage
-    return stage.with_lines(Line("waypoints", points))
+        return scene3d
+    return scene3d.with_lines(Line("waypoints", points))
 
 
-def placed(run: str | Path) -> tuple[Stage, Motion, Traces]:
-    """Read a run: its stage, its motion, its signals; raises InputInvalid without a position."""
+def placed(run: str | Path) -> tuple[Scene3D, Motion, Traces]:
+    """Read a run: its scene, its motion, its signals; raises InputInvalid without a position."""
     traces = traces_of(run)
     if not len(traces.time):
         raise InputInvalid(run, "nothing was recorded", "one sample or more")
-    stage = stage_of_run(run, traces)
-    motion = motion_of(stage, traces)
+    scene3d = scene3d_of_run(run, traces)
+    motion = motion_of(scene3d, traces)
     if not motion.positions:
         some = ", ".join(list(traces.values)[:4]) or "none"
         raise InputInvalid(
@@ -74,11 +73,11 @@ def placed(run: str | Path) -> tuple[Stage, Motion, Traces]:
                 "`uuvsim report` plots any signal"
             ),
         )
-    return stage, motion, traces
+    return scene3d, motion, traces
 
 
-def stage_of_signals(traces: Traces, name: str, notes: tuple[str, ...] = ()) -> Stage:
-    """Return a stage by signal names: X.eta is a hull, X.position with X.velocity a marker.
+def scene3d_of_signals(traces: Traces, name: str, notes: tuple[str, ...] = ()) -> Scene3D:
+    """Return a scene by signal names: X.eta is a hull, X.position with X.velocity a marker.
 
     A hull's thrusters cannot be placed, and its size is not known: it is drawn as a box.
     """
@@ -110,4 +109,4 @@ def stage_of_signals(traces: Traces, name: str, notes: tuple[str, ...] = ()) -> 
         if key.endswith(".position") and value.ndim == 2 and value.shape[1] == 3
         and f"{key.removesuffix('.position')}.velocity" in traces.values
     )  # fmt: skip
-    return Stage(name, tuple(bodies), markers, notes=notes)
+    return Scene3D(name, tuple(bodies), markers, notes=notes)

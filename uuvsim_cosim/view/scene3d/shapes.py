@@ -124,7 +124,12 @@ def obstacle_mesh(obstacle: Obstacle) -> Mesh:
     t = np.linspace(0.0, 0.5 * pi, 6)
     along = np.concatenate([-r * np.cos(t), length + r * np.sin(t)])
     capsule = lathe(along, np.concatenate([r * np.sin(t), r * np.cos(t)]))
-    return _mesh(capsule.vertices @ _along(end - start).T + start, capsule.faces)
+    # A rotation whose first column is the direction.
+    x = (end - start) / length if length > 0 else np.array([1.0, 0.0, 0.0])
+    y = np.cross(x, np.eye(3)[int(np.argmin(np.abs(x)))])
+    y /= np.linalg.norm(y)
+    turn = np.column_stack([x, y, np.cross(x, y)])
+    return _mesh(capsule.vertices @ turn.T + start, capsule.faces)
 
 
 def placed_surface(mesh: PlacedMesh, most: int = MOST_DRAWN) -> Mesh:
@@ -145,16 +150,6 @@ def placed_surface(mesh: PlacedMesh, most: int = MOST_DRAWN) -> Mesh:
         faces = faces[(faces != np.roll(faces, 1, axis=1)).all(axis=1)]
         cell *= 1.25
     return _mesh(vertices, faces)
-
-
-def _along(direction: Array) -> Array:
-    """Return a rotation whose first column is the direction."""
-    length = float(np.linalg.norm(direction))
-    x = direction / length if length > 0 else np.array([1.0, 0.0, 0.0])
-    other = np.eye(3)[int(np.argmin(np.abs(x)))]
-    y = np.cross(x, other)
-    y /= np.linalg.norm(y)
-    return np.column_stack([x, y, np.cross(x, y)])
 
 
 def terrain_mesh(terrain: Terrain, nodes: int = 160) -> Mesh:

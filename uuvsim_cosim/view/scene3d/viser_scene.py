@@ -1,4 +1,4 @@
-"""A stage drawn by viser: still parts once, moving parts at each moment that is shown."""
+"""A scene drawn by viser: still parts once, moving parts at each moment that is shown."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from uuvsim_cosim.view.scene3d.colours import (
     rgb,
 )
 from uuvsim_cosim.view.scene3d.motion import Motion, echoes
-from uuvsim_cosim.view.scene3d.scene import Body, Rays, Stage
+from uuvsim_cosim.view.scene3d.scene import Body, Rays, Scene3D
 from uuvsim_cosim.view.scene3d.shapes import floor, surface, terrain_mesh
 
 if TYPE_CHECKING:
@@ -32,7 +32,7 @@ if TYPE_CHECKING:
         ViserServer,
     )
 
-__all__ = ["ViserStage"]
+__all__ = ["ViserScene"]
 
 Handle = TypeVar("Handle", bound="SceneNodeHandle")
 Array = NDArray[np.float64]
@@ -42,11 +42,11 @@ DRAWN = 96  # rays of a sensor, at most
 HEAD = 0.25  # of an arrow's length: its head
 
 
-class ViserStage:
-    """A stage in a server's scene; N, E, D are x, y, z, and down is down."""
+class ViserScene:
+    """A scene in a server's scene; N, E, D are x, y, z, and down is down."""
 
-    def __init__(self, server: ViserServer, stage: Stage, low: Array, high: Array) -> None:
-        self.scene, self.stage = server.scene, stage
+    def __init__(self, server: ViserServer, scene3d: Scene3D, low: Array, high: Array) -> None:
+        self.scene, self.scene3d = server.scene, scene3d
         self.parts: dict[str, list[SceneNodeHandle]] = {}  # handles by what a viewer may hide
         self._bodies: dict[str, FrameHandle] = {}
         self._markers: dict[str, MeshHandle] = {}
@@ -61,9 +61,9 @@ class ViserStage:
         water = np.repeat(column[:, None].round().astype(np.uint8), 64, axis=1)
         self.scene.set_background_image(water)
         self._still(low, high)
-        for i, body in enumerate(stage.bodies):
+        for i, body in enumerate(scene3d.bodies):
             self._add(body, rgb(BODIES[i % len(BODIES)]))
-        for marker in stage.markers:
+        for marker in scene3d.markers:
             self._markers[marker.name] = self.scene.add_icosphere(
                 f"/markers/{marker.name}", radius=marker.radius, color=rgb(MARKER), visible=False
             )
@@ -71,7 +71,7 @@ class ViserStage:
     @property
     def coming(self) -> set[str]:
         """The parts that `tracks` will draw."""
-        rays = any(b.rays for b in self.stage.bodies)
+        rays = any(b.rays for b in self.scene3d.bodies)
         return {"tracks", "echoes"} if rays else {"tracks"}
 
     def _keep(self, part: str, handle: Handle) -> Handle:
@@ -88,38 +88,38 @@ class ViserStage:
             handle.remove()
 
     def _still(self, low: Array, high: Array) -> None:
-        stage, scene = self.stage, self.scene
-        if stage.terrain is not None:
+        scene3d, scene = self.scene3d, self.scene
+        if scene3d.terrain is not None:
             import trimesh
 
-            mesh = terrain_mesh(stage.terrain, 320)
+            mesh = terrain_mesh(scene3d.terrain, 320)
             ground = trimesh.Trimesh(
                 mesh.vertices, mesh.faces, process=False,
                 # viser's lights make pale colours white.
                 vertex_colors=(0.75 * depth_colours(mesh.vertices[:, 2])).astype(np.uint8),
             )  # fmt: skip
             self._keep("terrain", scene.add_mesh_trimesh("/terrain", ground))
-        elif stage.bottom is not None:
+        elif scene3d.bottom is not None:
             margin = 0.5 * float(max(high[:2] - low[:2])) + 5.0
-            mesh = floor(low[:2] - margin, high[:2] + margin, stage.bottom)
+            mesh = floor(low[:2] - margin, high[:2] + margin, scene3d.bottom)
             self._keep("terrain", scene.add_mesh_simple(
                 "/bottom", mesh.vertices, mesh.faces, color=rgb(SOLIDS["floor"]), side="double",
             ))  # fmt: skip
-        if stage.terrain is not None or stage.bottom is not None:
+        if scene3d.terrain is not None or scene3d.bottom is not None:
             margin = 0.5 * float(max(high[:2] - low[:2])) + 5.0
             mesh = surface(low[:2] - margin, high[:2] + margin)
             self._keep("surface", scene.add_mesh_simple(
                 "/surface", mesh.vertices, mesh.faces[:2], color=rgb(SOLIDS["surface"]),
                 opacity=0.12, side="double",
             ))  # fmt: skip
-        for solid in stage.solids:
+        for solid in scene3d.solids:
             opacity = 0.35 if solid.kind == "basin" else None
             self._keep("obstacles", scene.add_mesh_simple(
                 f"/solids/{solid.name}", solid.mesh.vertices, solid.mesh.faces,
                 color=rgb(SOLIDS.get(solid.kind, PATH)), opacity=opacity, flat_shading=True,
                 side="front" if solid.kind == "basin" else "double",  # a basin is seen from within
             ))  # fmt: skip
-        for line in stage.lines:
+        for line in scene3d.lines:
             if len(line.points) > 1:
                 self._keep("path", scene.add_line_segments(
                     f"/path/{line.name}", _segments(line.points), rgb(PATH), line_width=2.0
@@ -156,7 +156,7 @@ class ViserStage:
 
     def tracks(self, motion: Motion) -> None:
         """Draw the tracks of all bodies, and the echoes."""
-        for i, body in enumerate(self.stage.bodies):
+        for i, body in enumerate(self.scene3d.bodies):
             if body.name in motion.positions:
                 self._track(body.name, motion.positions[body.name], rgb(BODIES[i % len(BODIES)]))
             if body.name in motion.estimates:
@@ -169,7 +169,7 @@ class ViserStage:
                 colours = depth_colours(points[:, 2])
                 cloud = self.scene.add_point_cloud(place, points, colours, size, "circle")
                 self._drawn_anew[place] = self._keep("echoes", cloud)
-        for marker in self.stage.markers:
+        for marker in self.scene3d.markers:
             if marker.name in motion.positions:
                 self._track(marker.name, motion.positions[marker.name], rgb(MARKER))
 
@@ -185,7 +185,7 @@ class ViserStage:
 
     def show(self, motion: Motion, k: int) -> None:
         """Place all parts as at moment k; a part without a finite position is hidden."""
-        for body in self.stage.bodies:
+        for body in self.scene3d.bodies:
             frame = self._bodies[body.name]
             at = motion.positions.get(body.name)
             there = at is not None and bool(np.isfinite(at[k]).all())

@@ -1,8 +1,9 @@
+import base64
+import itertools
 import json
 import re
 import xml.etree.ElementTree as ET
 from html.parser import HTMLParser
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -13,8 +14,8 @@ from uuvsim_cosim.view.plots.plots import TimePanel
 from uuvsim_cosim.view.plots.svg import decimate, nice_ticks
 from uuvsim_cosim.view.recorded.traces import Traces
 from uuvsim_cosim.view.reports.panels import sections
-from uuvsim_cosim.view.reports.picture import picture_svg, write_picture
-from uuvsim_cosim.view.reports.run_report_html import report_html
+from uuvsim_cosim.view.reports.picture import picture_svg
+from uuvsim_cosim.view.reports.run_report import report_html
 
 
 class Page(HTMLParser):
@@ -83,14 +84,78 @@ def test_text_from_outside_cannot_become_markup(survey: Traces, provenance: dict
     assert nasty in Page(html).text
 
 
-def test_hover_data_fit_the_read_outs(survey: Traces, provenance: dict[str, Any]) -> None:
-    html = report_html(survey, provenance)
+def data_of(html: str) -> dict[str, Any]:
+    """Return the data from which the page's script draws."""
     found = re.search(r'<script id="data"[^>]*>(.*?)</script>', html, re.DOTALL)
     assert found is not None
-    data = json.loads(found[1])
-    numbers = {int(n) for n in re.findall(r'data-s="(\d+)"', html)}
-    assert numbers == set(range(len(data["series"])))
-    assert len({len(series["v"]) for series in data["series"]} | {len(data["time"])}) == 1
+    data: dict[str, Any] = json.loads(found[1])
+    return data
+
+
+def column_of(data: dict[str, Any], number: int) -> np.ndarray:
+    """Return a column as `report.js` decodes it."""
+    column = data["columns"][number]
+    if "v" not in column:
+        value = np.nan if column["c"] is None else column["c"]
+        return np.full(column["n"], float(value))
+    codes = np.frombuffer(base64.b64decode(column["v"]), "<u2")
+    return np.where(codes == 65535, np.nan, column["l"] + column["s"] * codes)
+
+
+def test_every_plot_has_a_card_and_columns_as_long_as_its_times(
+    survey: Traces, provenance: dict[str, Any]
+) -> None:
+    html = report_html(survey, provenance)
+    data = data_of(html)
+    numbers = [int(n) for n in re.findall(r'data-plot="(\d+)"', html)]
+    assert numbers == list(range(len(data["panels"])))
+    sizes = [len(base64.b64decode(t["t"])) // 4 for t in data["times"]]
+    for panel in [*data["panels"], *itertools.chain(*data["signals"].values())]:
+        for line in panel["lines"]:
+            assert len(column_of(data, line["column"])) == sizes[panel["grid"]]
+
+
+def test_a_recorded_signal_is_in_the_page_with_its_peaks_and_its_gaps() -> None:
+    time = np.linspace(0.0, 600.0, 60_000)
+    value = np.sin(time / 50.0)
+    value[12_345], value[54_321] = 5.0, -7.0
+    value[30_000:36_000] = np.nan
+    data = data_of(report_html(Traces(time, {"a.x": value}), {}))
+    (panel,) = data["signals"]["a.x"]
+    found = column_of(data, panel["lines"][0]["column"])
+    assert len(found) < 1200
+    assert (np.nanmin(found), np.nanmax(found)) == pytest.approx((-7.0, 5.0), abs=1e-3)
+    assert np.isnan(found).mean() == pytest.approx(0.1, abs=0.01)
+
+
+def test_elements_of_different_units_are_plotted_on_axes_of_their_own() -> None:
+    eta = np.random.default_rng(0).standard_normal((50, 6))
+    units = ("m", "m", "m", "rad", "rad", "rad")
+    traces = Traces(np.arange(50.0), {"x.eta": eta}, {"x.eta": "m, rad"}, {"x.eta": units})
+    panels = data_of(report_html(traces, {}))["signals"]["x.eta"]
+    assert [p["unit"] for p in panels] == ["m", "rad"]
+    assert [[line["label"] for line in p["lines"]] for p in panels] == [
+        ["[1]", "[2]", "[3]"], ["[4]", "[5]", "[6]"]
+    ]  # fmt: skip
+
+
+def test_arrays_that_do_not_fit_into_the_page_are_named() -> None:
+    time = np.arange(20.0)
+    random = np.random.default_rng(0)
+    values = {"a.image": random.random((20, 4096)), "a.small": random.random((20, 3))}
+    html = report_html(Traces(time, values), {})
+    assert list(data_of(html)["signals"]) == ["a.small"]
+    assert "do not fit into the page: a.image." in Page(html).text
+
+
+def test_lines_of_a_plot_have_marks_that_differ(survey: Traces, provenance: dict[str, Any]) -> None:
+    data = data_of(report_html(survey, provenance))
+    assert len(set(data["marks"].values())) == len(data["marks"]) >= 8
+    for panel in data["panels"]:
+        if "rows" not in panel:
+            styles = [line["style"] for line in panel["lines"]]
+            assert len(set(styles)) == len(styles)
+            assert set(styles) <= set(data["marks"])
 
 
 def test_a_system_without_a_hull_gets_a_panel_for_each_signal() -> None:
@@ -109,13 +174,6 @@ def test_the_picture_is_well_formed_and_needs_no_variables(
     assert "var(" not in svg
     texts = [e.text for e in ET.fromstring(svg).iter() if e.tag.endswith("text")]
     assert {"path", "true", "estimate", "current"} <= set(texts)  # the key of the track
-
-
-def test_a_picture_is_written_into_a_folder_that_is_not_there_yet(
-    survey: Traces, provenance: dict[str, Any], tmp_path: Path
-) -> None:
-    written = write_picture(survey, provenance, tmp_path / "figures" / "track.svg")
-    assert written.read_text(encoding="utf-8") == picture_svg(survey, provenance)
 
 
 def test_a_picture_of_no_vehicle_is_refused() -> None:
