@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from uuvsim_cosim.orchestrator.running.run import Run, run
     from uuvsim_cosim.orchestrator.system.system import System
     from uuvsim_cosim.studies import Study, study
+    from uuvsim_cosim.view.notebook.plot import plot
 
 __all__ = [
     "Bridge",
@@ -44,6 +45,7 @@ __all__ = [
     "fuse",
     "linearize",
     "load",
+    "plot",
     "read_signals",
     "run",
     "simulate",
@@ -70,6 +72,7 @@ __getattr__, __dir__ = lazy(
         "fuse": "kernels",
         "linearize": "orchestrator.running.linearize",
         "load": "orchestrator.running.library",
+        "plot": "view.notebook.plot",
         "read_signals": "orchestrator.recording.recording_reader",
         "run": "orchestrator.running.run",
         "simulate": "models.analysis.simulate",

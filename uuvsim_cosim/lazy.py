@@ -1,12 +1,13 @@
-"""Names of a package that are imported on first use, so that the package itself loads fast."""
+"""Names that are imported on first use: of a package that loads fast, or of a higher layer."""
 
 from __future__ import annotations
 
 import sys
 from collections.abc import Callable, Mapping
 from importlib import import_module
+from typing import Any
 
-__all__ = ["lazy"]
+__all__ = ["by_name", "lazy"]
 
 
 def lazy(
@@ -28,3 +29,12 @@ def lazy(
         return sorted({*vars(sys.modules[package]), *homes})
 
     return getattr_, dir_
+
+
+def by_name(name: str) -> Any:
+    """Return an object by ``package.module:name``, relative to `uuvsim_cosim`.
+
+    The few calls of a higher layer go through this: formats of systems, displays in notebooks.
+    """
+    module, _, attribute = name.partition(":")
+    return getattr(import_module(f"uuvsim_cosim.{module}"), attribute)

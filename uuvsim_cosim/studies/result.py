@@ -14,6 +14,7 @@ import numpy as np
 
 from uuvsim_cosim.cache import content_hash, write_whole
 from uuvsim_cosim.errors import InputInvalid
+from uuvsim_cosim.orchestrator.recording.data_frames import library
 from uuvsim_cosim.studies.intervals import interval, rank_correlation
 from uuvsim_cosim.studies.run_table import Runs
 from uuvsim_cosim.studies.simulate_runs import Outcome, Script
@@ -155,6 +156,27 @@ class StudyResult:
         import pyarrow.parquet as pq
 
         return pq.read_table(self.file)
+
+    def to_pandas(self) -> Any:
+        """Return the table as a DataFrame with the run as index (extra ``data``).
+
+        ``frame.attrs["units"]`` maps parameters and metrics to their units.
+        """
+        library("pandas")
+        table = self.table()
+        frame = table.to_pandas().set_index("run")
+        units = {f.name: (f.metadata or {}).get(b"unit", b"").decode() for f in table.schema}
+        frame.attrs["units"] = {name: unit for name, unit in units.items() if unit}
+        return frame
+
+    def to_xarray(self) -> Any:
+        """Return the table as a Dataset over ``run``, with units as attributes (extra ``data``)."""
+        library("xarray")
+        frame = self.to_pandas()
+        data = frame.to_xarray()
+        for name, unit in frame.attrs["units"].items():
+            data[name].attrs["units"] = unit
+        return data
 
 
 def result_of(

@@ -24,6 +24,7 @@ import casadi as ca
 import numpy as np
 
 from uuvsim_cosim.errors import InputInvalid, ParameterInvalid
+from uuvsim_cosim.lazy import by_name
 from uuvsim_cosim.models.declaration.units import unit_of
 
 __all__ = ["Clock", "Declared", "Model", "Units", "Value", "is_on"]
@@ -299,6 +300,10 @@ class Model:
                 declared.size,
             )
         return ca.vec(flat)
+
+    def _repr_html_(self) -> str:
+        """Return the table of variables, of a vehicle also its balance, for notebooks."""
+        return str(by_name("view.notebook.displays:model_html")(self))
 
     def starts(self) -> Mapping[str, Any]:
         """Return each parameter's and input's start values, flat."""

@@ -28,11 +28,7 @@ def library(name: str) -> Any:
 
 
 def to_pandas(signals: Signals) -> Any:
-    """Return a DataFrame: the index is the time [s], a column is one element.
-
-    Columns have the names of the elements, from 1: ``hull.eta[1]``. ``frame.attrs["units"]`` maps
-    each column to its unit.
-    """
+    """Return a DataFrame, see `Signals.to_pandas`."""
     pandas = library("pandas")
     columns: dict[str, np.ndarray] = {}
     units: dict[str, str] = {}
@@ -48,12 +44,7 @@ def to_pandas(signals: Signals) -> Any:
 
 
 def to_xarray(signals: Signals) -> Any:
-    """Return a Dataset with the coordinate ``time`` [s]; an array has a dimension of its own.
-
-    The dimension of the array ``hull.eta`` is ``hull.eta_element``, with the elements' numbers,
-    from 1, as coordinate. Attributes of a variable are ``units`` (one unit, or one for each
-    element) and ``long_name``; those of the Dataset are the provenance of the recording.
-    """
+    """Return a Dataset, see `Signals.to_xarray`."""
     xarray = library("xarray")
     data: dict[str, Any] = {}
     coordinates: dict[str, Any] = {"time": ("time", signals.time, {"units": "s"})}

@@ -10,6 +10,7 @@ import numpy as np
 
 from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.models.declaration.near_names import expected_names
+from uuvsim_cosim.orchestrator.recording.data_frames import to_pandas, to_xarray
 
 __all__ = ["Signals"]
 
@@ -51,3 +52,21 @@ class Signals(Mapping[str, np.ndarray]):
     def __len__(self) -> int:
         """Count the signals."""
         return len(self.values_by_name)
+
+    def to_pandas(self) -> Any:
+        """Return a DataFrame: the index is the time [s], a column is one element.
+
+        Columns have the names of the elements, from 1: ``hull.eta[1]``. ``frame.attrs["units"]``
+        maps each column to its unit. Raises InputInvalid without pandas (extra ``data``).
+        """
+        return to_pandas(self)
+
+    def to_xarray(self) -> Any:
+        """Return a Dataset with the coordinate ``time`` [s]; an array has a dimension of its own.
+
+        The dimension of the array ``hull.eta`` is ``hull.eta_element``, with the elements' numbers,
+        from 1, as coordinate. Attributes of a variable are ``units`` (one unit, or one for each
+        element) and ``long_name``; those of the Dataset are the provenance of the recording.
+        Raises InputInvalid without xarray (extra ``data``).
+        """
+        return to_xarray(self)

@@ -26,6 +26,7 @@ from uuvsim_cosim.errors import (
 )
 from uuvsim_cosim.fmus.isolation.guard import AtComponentExit, calling_component
 from uuvsim_cosim.fmus.isolation.isolated import check_watchdog
+from uuvsim_cosim.lazy import by_name
 from uuvsim_cosim.orchestrator.master.coupling import Residual
 from uuvsim_cosim.orchestrator.master.master import Master
 from uuvsim_cosim.orchestrator.master.observer import Observer
@@ -96,6 +97,28 @@ class Run:
     def signals(self) -> Signals:
         """Read the recorded signals as numpy arrays."""
         return read_signals(self.folder)
+
+    @property
+    def metrics(self) -> Mapping[str, float]:
+        """Return the figures of merit of the report by key; `units` and `labels` have those keys.
+
+        They are computed from the recording, on the true state. A system without a vehicle has
+        none.
+        """
+        found: Mapping[str, float] = by_name("view.notebook.run_metrics:metrics")(self)
+        return found
+
+    def to_pandas(self) -> Any:
+        """Return the recorded signals as a DataFrame, see `Signals.to_pandas` (extra ``data``)."""
+        return self.signals().to_pandas()
+
+    def to_xarray(self) -> Any:
+        """Return the recorded signals as a Dataset, see `Signals.to_xarray` (extra ``data``)."""
+        return self.signals().to_xarray()
+
+    def _repr_html_(self) -> str:
+        """Return the report, for notebooks."""
+        return str(by_name("view.notebook.displays:run_html")(self))
 
 
 class Interrupted(KeyboardInterrupt):

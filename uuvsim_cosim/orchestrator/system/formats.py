@@ -6,15 +6,14 @@ are only named here, and imported when the first file of a format is read or wri
 
 from __future__ import annotations
 
-from importlib import import_module
 from pathlib import Path
-from typing import Any
 
+from uuvsim_cosim.lazy import by_name
 from uuvsim_cosim.orchestrator.system.elements import Structure
 
 __all__ = ["READERS", "read_structure", "write_structure"]
 
-_HERE = "uuvsim_cosim.orchestrator"
+_HERE = "orchestrator"
 READERS = {  # (path, tick=…), and variant=… of a package
     ".ssd": f"{_HERE}.ssp.ssd_reader:read_ssd",
     ".ssp": f"{_HERE}.ssp.ssp:read_ssp",
@@ -31,15 +30,10 @@ def read_structure(path: Path, variant: str = "", tick: str | None = None) -> St
     """
     suffix = path.suffix.lower()
     options = {"variant": variant} if variant and suffix == ".ssp" else {}
-    structure: Structure = _function(READERS[suffix])(path, tick=tick, **options)
+    structure: Structure = by_name(READERS[suffix])(path, tick=tick, **options)
     return structure
 
 
 def write_structure(structure: Structure, path: Path) -> None:
     """Write a system as .ssd."""
-    _function(_WRITER)(structure, path)
-
-
-def _function(name: str) -> Any:
-    module, _, function = name.partition(":")
-    return getattr(import_module(module), function)
+    by_name(_WRITER)(structure, path)

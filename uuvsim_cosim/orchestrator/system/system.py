@@ -20,6 +20,7 @@ from pathlib import Path
 from uuvsim_cosim.errors import Problem, SystemInvalid, UuvsimError
 from uuvsim_cosim.fmus.description import Description, Variable
 from uuvsim_cosim.fmus.importer.variables_fmi2 import fold
+from uuvsim_cosim.lazy import by_name
 from uuvsim_cosim.models.declaration.near_names import expected_names
 from uuvsim_cosim.orchestrator.system.elements import (
     Algorithm,
@@ -349,6 +350,10 @@ class System(Structure):
         return Description(self.name, "native", folded, description=self.description, units=units)
 
     # ---- inside ---------------------------------------------------------------------------
+
+    def _repr_svg_(self) -> str:
+        """Return the block diagram, for notebooks."""
+        return str(by_name("view.notebook.displays:system_svg")(self))
 
     def _split(self, path: str) -> tuple[str, str]:
         """Split ``component.rest``; raises SystemInvalid if there is no such component."""

@@ -1,0 +1,87 @@
+"""Plots of recorded signals by matplotlib, for notebooks and papers."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from uuvsim_cosim.errors import InputInvalid
+from uuvsim_cosim.models.declaration.element_names import split_element_name
+from uuvsim_cosim.orchestrator.recording.recording_reader import read_signals
+from uuvsim_cosim.orchestrator.recording.signals import Signals
+from uuvsim_cosim.orchestrator.running.run import Run
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+__all__ = ["plot"]
+
+LINES = ("-", "--", "-.", ":")
+
+
+def plot(
+    recording: Run | Signals | str | Path, *names: str, ax: Axes | None = None, **style: Any
+) -> Axes | np.ndarray:
+    """Plot recorded signals over time; return the matplotlib axes.
+
+    `recording` is a run, its folder or file, or signals. A name is a signal, ``hull.eta``, or an
+    element of one, from 1: ``hull.eta[3]``. Signals with the same unit share one axes, which the
+    unit labels; the result is one Axes, or an array of them from top to bottom if there are several
+    units. With `ax`, all is drawn there, and all units must be equal. `style` goes to
+    ``Axes.plot``.
+
+    Raises InputInvalid for a signal or an element that was not recorded, with similar names, and
+    for different units with `ax`.
+
+    >>> run = uuv.run("thruster_step", until=1, out=folder)  # doctest: +SKIP
+    >>> uuv.plot(run, "thruster.thrust")  # doctest: +SKIP
+    """
+    from matplotlib import pyplot as plt
+
+    if isinstance(recording, Run):
+        signals = recording.signals()
+    else:
+        signals = recording if isinstance(recording, Signals) else read_signals(recording)
+    if not names:
+        raise InputInvalid("no signal is named", f"one of {', '.join(sorted(signals)[:8])}, …")
+    panels: dict[str, list[tuple[str, np.ndarray]]] = {}
+    for name in names:
+        for label, unit, values in _elements(signals, name):
+            panels.setdefault(unit, []).append((label, values))
+    if ax is None:
+        _, axes = plt.subplots(
+            len(panels), 1, sharex=True, squeeze=False, figsize=(8, 1 + 2.2 * len(panels))
+        )
+    elif len(panels) > 1:
+        raise InputInvalid(f"ax= with units {', '.join(panels)}", "signals of one unit")
+    else:
+        axes = np.array([[ax]])
+    for each, (unit, lines) in zip(axes[:, 0], panels.items(), strict=True):
+        for i, (label, values) in enumerate(lines):
+            # Colours of matplotlib repeat after ten lines, the pattern changes then.
+            each.plot(
+                signals.time, values, label=label, **{"linestyle": LINES[i // 10 % 4], **style}
+            )
+        each.set_ylabel(f"[{unit}]" if unit else "")
+        each.legend(fontsize="small")
+        each.grid(alpha=0.3)
+    axes[-1, 0].set_xlabel("time [s]")
+    return axes[0, 0] if len(panels) == 1 else axes[:, 0]
+
+
+def _elements(signals: Signals, name: str) -> list[tuple[str, str, np.ndarray]]:
+    """Return label, unit and values of each element that a name means."""
+    base, indices = (name, ()) if name in signals else split_element_name(name)
+    values = signals[base]
+    if values.ndim == 1:
+        if indices:
+            raise InputInvalid(f"{name}: {base} is a scalar", base)
+        return [(base, signals.units.get(base, ""), values)]
+    numbers = list(signals.elements.get(base) or range(1, values.shape[1] + 1))
+    units = signals.element_units.get(base) or (signals.units.get(base, ""),) * len(numbers)
+    if indices and indices[0] not in numbers:
+        raise InputInvalid(name, f"{base}[{numbers[0]}] to {base}[{numbers[-1]}]")
+    chosen = [numbers.index(indices[0])] if indices else range(len(numbers))
+    return [(f"{base}[{numbers[i]}]", units[i], values[:, i]) for i in chosen]
