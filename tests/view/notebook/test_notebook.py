@@ -66,6 +66,11 @@ def test_each_unit_has_its_own_axes(run: uuv.Run) -> None:
     assert [a.get_ylabel() for a in axes] == ["[m]", "[rad]", "[N]"]
 
 
+def test_a_range_of_elements_includes_the_last(run: uuv.Run) -> None:
+    axes = uuv.plot(run, "hull.eta[1:3]")
+    assert [line.get_label() for line in axes.get_lines()] == [f"hull.eta[{i}]" for i in (1, 2, 3)]
+
+
 def test_wrong_names_and_mixed_units_are_refused(run: uuv.Run, tmp_path: Path) -> None:
     from matplotlib import pyplot as plt
 

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from uuvsim_cosim.errors import InputInvalid
-from uuvsim_cosim.models.declaration.element_names import split_element_name
 from uuvsim_cosim.orchestrator.recording.recording_reader import read_signals
 from uuvsim_cosim.orchestrator.recording.signals import Signals
 from uuvsim_cosim.orchestrator.running.run import Run
@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 
 __all__ = ["plot"]
 
+ELEMENTS = re.compile(r"(?P<base>.+)\[(?P<first>\d+)(:(?P<last>\d+))?\]")
 LINES = ("-", "--", "-.", ":")
 
 
@@ -26,17 +27,14 @@ def plot(
 ) -> Axes | np.ndarray:
     """Plot recorded signals over time; return the matplotlib axes.
 
-    `recording` is a run, its folder or file, or signals. A name is a signal, ``hull.eta``, or an
-    element of one, from 1: ``hull.eta[3]``. Signals with the same unit share one axes, which the
-    unit labels; the result is one Axes, or an array of them from top to bottom if there are several
-    units. With `ax`, all is drawn there, and all units must be equal. `style` goes to
+    `recording` is a run, its folder or file, or signals. A name is a signal, ``hull.eta``, an
+    element of one, from 1, ``hull.eta[3]``, or several, ``hull.eta[1:3]``, the last included.
+    Signals with the same unit share one axes, which the unit labels. The result is one Axes, or an
+    array of them from top to bottom if there are several units. With `ax`, all is drawn there, and all units must be equal. `style` goes to
     ``Axes.plot``.
 
     Raises InputInvalid for a signal or an element that was not recorded, with similar names, and
     for different units with `ax`.
-
-    >>> run = uuv.run("thruster_step", until=1, out=folder)  # doctest: +SKIP
-    >>> uuv.plot(run, "thruster.thrust")  # doctest: +SKIP
     """
     from matplotlib import pyplot as plt
 
@@ -73,15 +71,23 @@ def plot(
 
 def _elements(signals: Signals, name: str) -> list[tuple[str, str, np.ndarray]]:
     """Return label, unit and values of each element that a name means."""
-    base, indices = (name, ()) if name in signals else split_element_name(name)
+    found = None if name in signals else ELEMENTS.fullmatch(name)
+    base = found["base"] if found else name
     values = signals[base]
     if values.ndim == 1:
-        if indices:
+        if found:
             raise InputInvalid(f"{name}: {base} is a scalar", base)
         return [(base, signals.units.get(base, ""), values)]
     numbers = list(signals.elements.get(base) or range(1, values.shape[1] + 1))
     units = signals.element_units.get(base) or (signals.units.get(base, ""),) * len(numbers)
-    if indices and indices[0] not in numbers:
-        raise InputInvalid(name, f"{base}[{numbers[0]}] to {base}[{numbers[-1]}]")
-    chosen = [numbers.index(indices[0])] if indices else range(len(numbers))
-    return [(f"{base}[{numbers[i]}]", units[i], values[:, i]) for i in chosen]
+    first, last = numbers[0], numbers[-1]
+    if found:
+        first = int(found["first"])
+        last = int(found["last"] or first)
+        if not (first in numbers and last in numbers and first <= last):
+            raise InputInvalid(name, f"elements of {base}[{numbers[0]}] to {base}[{numbers[-1]}]")
+    return [
+        (f"{base}[{number}]", unit, values[:, i])
+        for i, (number, unit) in enumerate(zip(numbers, units, strict=True))
+        if first <= number <= last
+    ]
