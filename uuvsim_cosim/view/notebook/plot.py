@@ -30,8 +30,8 @@ def plot(
     `recording` is a run, its folder or file, or signals. A name is a signal, ``hull.eta``, an
     element of one, from 1, ``hull.eta[3]``, or several, ``hull.eta[1:3]``, the last included.
     Signals with the same unit share one axes, which the unit labels. The result is one Axes, or an
-    array of them from top to bottom if there are several units. With `ax`, all is drawn there, and all units must be equal. `style` goes to
-    ``Axes.plot``.
+    array of them from top to bottom if there are several units. With `ax`, all is drawn there, and
+    all units must be equal. `style` goes to ``Axes.plot``.
 
     Raises InputInvalid for a signal or an element that was not recorded, with similar names, and
     for different units with `ax`.
