@@ -121,6 +121,8 @@ class Policy:
         """Return the same policy with more entries of `trained`."""
         return replace(self, trained={**self.trained, **trained})
 
+    told = with_training  # its name in version 0.1.0
+
     # ---- files ----------------------------------------------------------------------------
 
     def save(self, path: str | Path) -> Path:
