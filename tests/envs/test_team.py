@@ -253,7 +253,7 @@ def test_a_step_without_a_reset_or_after_the_end_is_refused(make: Make) -> None:
 
 
 def test_a_start_without_anybody_is_refused(make: Make) -> None:
-    with pytest.raises(InputInvalid, match="no agent is there at the start"):
+    with pytest.raises(InputInvalid, match="no agent at the start of an episode"):
         make(late=(1.0, 1.0)).reset(seed=1)
 
 

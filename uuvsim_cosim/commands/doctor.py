@@ -23,6 +23,7 @@ EXTRAS = {
     "view": "`uuvsim view`, `--view`",
     "rerun": "`uuvsim export -o FILE.rrd`",
     "mavlink": "ArduSub's logs in `uuvsim identify`",
+    "data": "`run.to_pandas()`, `run.to_xarray()`",
     "distributed": "`--ray`",
     "security": "`uuvsim access certificates`",
     "bench": "benchmarks against other simulators",

@@ -23,7 +23,6 @@ from uuvsim_cosim.commands.shared.progress import RunProgress
 from uuvsim_cosim.commands.shared.system_options import MAP, SET, edited_system
 from uuvsim_cosim.commands.shared.terminal import file_line, line, notice, put, remark, tilde
 from uuvsim_cosim.errors import ComponentFailed, InputInvalid, LoopNotConverged
-from uuvsim_cosim.fmus.isolation.isolated import check_watchdog
 
 if TYPE_CHECKING:
     from uuvsim_cosim.fmus.tracing.trace import Trace
@@ -146,6 +145,8 @@ def run_command(
         raise InputInvalid(f"--start {start:g}: expected seconds")
     if record_every < 1:
         raise InputInvalid(f"--record-every {record_every}: expected 1 or more")
+    from uuvsim_cosim.fmus.isolation.isolated import check_watchdog
+
     check_watchdog(watchdog, "--watchdog")
     if is_fmu:
         refused = {

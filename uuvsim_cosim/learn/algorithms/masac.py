@@ -132,11 +132,7 @@ class Masac:
             next_a, next_log = self._drawn(after)
             q_next = self._q(self.target, self._seen(after, next_a)).amin(1)
             y = r + self.settings.gamma * (1.0 - ended) * (q_next - alpha * next_log)
-            # The share of a mean reward c in y: without it, Q is Q - c / (1 - gamma) (Naik et al.,
-            # "Reward Centering", 2024). The best action stays the best, also where episodes end,
-            # and learning no longer begins with climbing to c / (1 - gamma).
-            share = 1.0 - self.settings.gamma * (1.0 - ended)
-            y = y - self.centre[:, None] * share / max(1.0 - self.settings.gamma, 1e-9)
+            y = y - self._offset(ended)
         q = self._q(self.critic, self._seen(o, a))
         if self.settings.centre:
             error = (y - q.detach().mean(1)).mean(1)
@@ -148,6 +144,15 @@ class Masac:
             _follow(self.averaged, self.actor, self.settings.average)
         _follow(self.target, self.critic, self.settings.tau)
         return {**losses, "alpha": float(alpha.mean()), "q": float(q.detach().mean())}
+
+    def _offset(self, ended: Tensor) -> Tensor:
+        """Return the share of a mean reward c in y (N, n): without it, Q is Q - c / (1 - gamma).
+
+        Naik et al., "Reward Centering", 2024. The best action stays the best, also where episodes
+        end, and learning no longer begins with climbing to c / (1 - gamma).
+        """
+        share = 1.0 - self.settings.gamma * (1.0 - ended)
+        return self.centre[:, None] * share / max(1.0 - self.settings.gamma, 1e-9)
 
     def _improve(self, o: Tensor, a: Tensor, alpha: Tensor) -> dict[str, float]:
         drawn, log_pi = self._drawn(o)

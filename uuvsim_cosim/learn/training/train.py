@@ -160,12 +160,21 @@ def training_folder(config: TrainingConfig, parent: Path = Path("runs") / "train
 
 
 def one_thread() -> ExitStack:
-    """Let torch compute on one thread, which is faster for small batches, until the exit."""
+    """Let torch and NumPy compute on one thread until the exit.
+
+    One thread is faster for small batches. NumPy's product of matrices has other bits with more
+    threads on some processors, so that a worker of a cluster and this process would differ.
+    """
     stack = ExitStack()
     try:
         import torch
     except ModuleNotFoundError:
         return stack  # learner_of raises the error
+    try:
+        from threadpoolctl import threadpool_limits
+    except ModuleNotFoundError as error:
+        raise InputInvalid("threadpoolctl is not installed", "pip install threadpoolctl") from error
     stack.callback(torch.set_num_threads, torch.get_num_threads())
     torch.set_num_threads(1)
+    stack.enter_context(threadpool_limits(1, user_api="blas"))
     return stack
