@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from uuvsim_cosim.envs.task.task import Task, TeamTask
+from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.learn.algorithms.registry import algorithm_for, check_settings, learner_of
 from uuvsim_cosim.learn.policies.policy import Policy
 from uuvsim_cosim.learn.shared.task_ids import make_task
