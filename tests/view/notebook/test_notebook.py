@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import matplotlib as mpl
@@ -48,6 +49,22 @@ def test_a_vehicle_is_shown_with_its_balance_and_its_variables() -> None:
     assert "<td>mass</td><td>13.5 kg</td>" in text
     assert "<code>nu_0[6]</code>" in text
     assert "buoyancy" not in uuv.declare("battery")._repr_html_()
+
+
+def test_figures_are_those_of_the_models_own_numbers() -> None:
+    assert "<td>mass</td><td>11.5 kg</td>" in uuv.declare("bluerov2_heavy@wu_2018")._repr_html_()
+    own = uuv.declare("bluerov2_heavy")
+    own.variables["m"] = replace(own.variables["m"], start=np.array([20.0]))
+    assert "<td>mass</td>" not in own._repr_html_()
+
+
+def test_texts_are_not_plotted_and_a_label_of_ones_own_is_used() -> None:
+    time = np.array([0.0, 1.0])
+    values = {"a.text": np.array(["x", "y"], object), "a.y": time}
+    signals = uuv.Signals(time, np.arange(2), values, {"a.text": "", "a.y": "m"})
+    with pytest.raises(InputInvalid, match=r"a\.text.*is a text.*a signal of numbers"):
+        uuv.plot(signals, "a.text")
+    assert uuv.plot(signals, "a.y", label="mine").get_lines()[0].get_label() == "mine"
 
 
 def test_signals_of_one_unit_share_one_axes(run: uuv.Run) -> None:

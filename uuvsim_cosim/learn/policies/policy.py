@@ -121,7 +121,7 @@ class Policy:
         """Return the same policy with more entries of `trained`."""
         return replace(self, trained={**self.trained, **trained})
 
-    told = with_training  # its name in version 0.1.0
+    told = with_training  # its former name
 
     # ---- files ----------------------------------------------------------------------------
 

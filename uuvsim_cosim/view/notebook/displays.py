@@ -9,8 +9,9 @@ from html import escape
 
 import numpy as np
 
+from uuvsim_cosim.models.declaration.library import declare
 from uuvsim_cosim.models.declaration.model import Declared, Model
-from uuvsim_cosim.models.declaration.parameter_files import is_vehicle
+from uuvsim_cosim.models.declaration.parameter_files import vehicle_ids, vehicle_sets
 from uuvsim_cosim.orchestrator.running.run import Run
 from uuvsim_cosim.orchestrator.system.system import System
 from uuvsim_cosim.view.diagram.diagram import diagram
@@ -43,7 +44,8 @@ def model_html(model: Model) -> str:
     """Return a table of a component's variables; of a vehicle also what its numbers amount to."""
     rows = "".join(_row(v) for v in model.variables.values() if v.kind != "derived")
     head = "".join(f"<th>{c}</th>" for c in ("name", "kind", "unit", "start", "meaning"))
-    figures = _vehicle_html(model.name) if is_vehicle(model.name) else ""
+    address = _address(model)
+    figures = _vehicle_html(address) if address else ""
     return (
         f"<b>{escape(model.name)}</b>: {escape(model.description)}{figures}"
         f"<table><tr>{head}</tr>{rows}</table>"
@@ -61,11 +63,26 @@ def _row(v: Declared) -> str:
     return "<tr>" + "".join(f"<td>{c}</td>" for c in cells) + "</tr>"
 
 
-def _vehicle_html(name: str) -> str:
-    """Return the balance of a vehicle's default parameter set."""
+def _address(model: Model) -> str | None:
+    """Return the shipped parameter set, ``id@set``, whose numbers a model has; None if none has.
+
+    A name alone does not decide: a vehicle of one's own may have the name of a shipped one.
+    """
+    for id in vehicle_ids():
+        for published in vehicle_sets(id):
+            if model.name in (id, f"{id}_{published}"):
+                shipped = declare(f"{id}@{published}").starts()
+                own = model.starts()
+                if all(np.array_equal(own[n], shipped[n]) for n in own.keys() & shipped.keys()):
+                    return f"{id}@{published}"
+    return None
+
+
+def _vehicle_html(address: str) -> str:
+    """Return the balance of a vehicle's parameter set."""
     from uuvsim_cosim.models.vehicles.vehicle_figures import vehicle_figures
 
-    f = vehicle_figures(name, 0.5)  # [m/s]; no figure below depends on it
+    f = vehicle_figures(address, 0.5)  # [m/s]; no figure below depends on it
     rows = (
         ("mass", f"{f.mass:.4g} kg"),
         ("weight", f"{f.weight:.5g} N"),

@@ -33,8 +33,8 @@ def plot(
     array of them from top to bottom if there are several units. With `ax`, all is drawn there, and
     all units must be equal. `style` goes to ``Axes.plot``.
 
-    Raises InputInvalid for a signal or an element that was not recorded, with similar names, and
-    for different units with `ax`.
+    Raises InputInvalid for a signal or an element that was not recorded, with similar names, for a
+    text, and for different units with `ax`.
     """
     from matplotlib import pyplot as plt
 
@@ -60,7 +60,7 @@ def plot(
         for i, (label, values) in enumerate(lines):
             # Colours of matplotlib repeat after ten lines, the pattern changes then.
             each.plot(
-                signals.time, values, label=label, **{"linestyle": LINES[i // 10 % 4], **style}
+                signals.time, values, **{"label": label, "linestyle": LINES[i // 10 % 4], **style}
             )
         each.set_ylabel(f"[{unit}]" if unit else "")
         each.legend(fontsize="small")
@@ -74,6 +74,8 @@ def _elements(signals: Signals, name: str) -> list[tuple[str, str, np.ndarray]]:
     found = None if name in signals else ELEMENTS.fullmatch(name)
     base = found["base"] if found else name
     values = signals[base]
+    if values.dtype.kind not in "fiub":
+        raise InputInvalid(name, "is a text", "a signal of numbers")
     if values.ndim == 1:
         if found:
             raise InputInvalid(f"{name}: {base} is a scalar", base)
