@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import io
 import runpy
+import sys
 from pathlib import Path
 
 import pytest
@@ -17,6 +18,7 @@ EXAMPLES = sorted(p.name for p in (DOCS / "examples").glob("*.py"))
 def test_an_example_runs(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("MPLBACKEND", "Agg")
+    monkeypatch.setattr(sys, "argv", [name])  # not the arguments of pytest
     with contextlib.redirect_stdout(io.StringIO()) as printed:
         runpy.run_path(str(DOCS / "examples" / name), run_name="__main__")
     assert printed.getvalue()

@@ -66,7 +66,8 @@ class Signals(Mapping[str, np.ndarray]):
 
         The dimension of the array ``hull.eta`` is ``hull.eta_element``, with the elements' numbers,
         from 1, as coordinate. Attributes of a variable are ``units`` (one unit, or one for each
-        element) and ``long_name``; those of the Dataset are the provenance of the recording.
+        element) and ``long_name``; those of the Dataset are the texts and numbers of the provenance
+        (`metadata` has all of it).
         Raises InputInvalid without xarray (extra ``data``).
         """
         return to_xarray(self)
