@@ -2,7 +2,7 @@
 
     python benchmarks/compare_controllers.py --pictures docs/images
 
-prints the tables of docs/vehicles/controllers.md and draws its pictures.
+prints the tables of docs/vehicles/controller_comparison.md and draws its pictures.
 """
 
 import argparse
@@ -170,9 +170,9 @@ def main(argv=None):
         print("**thruster lost: what the allocation knows of it**\n")
         known = "thruster lost, known"
         kinds = {
-            "pseudo-inverse, not told": ("allocation", "thruster lost"),
-            "pseudo-inverse, told": ("allocation", known),
-            "quadratic programme, told": ("allocation_qp", known),
+            "pseudo-inverse, not reported": ("allocation", "thruster lost"),
+            "pseudo-inverse, reported": ("allocation", known),
+            "quadratic programme, reported": ("allocation_qp", known),
         }
         first = args.controllers[0]
         table({n: figures(run(mission(first, c, a), args.until)) for n, (a, c) in kinds.items()})

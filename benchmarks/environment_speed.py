@@ -3,13 +3,15 @@
 "hold" is a BlueROV2 Heavy with allocation and eight thrusters under commanded forces: 10
 communication steps of 0.01 s an action, random starts; "hull" the hull alone, one communication
 step an action. Medians of CPU time on one core; the share of Python is what is not inside the
-kernel's step.
+kernel's step. "expressions" compares the compiled expressions of shipped tasks with their NumPy
+form, step by step in turn; there, steps of one environment are also given as the least of all.
 """
 
 from __future__ import annotations
 
 import argparse
 import contextlib
+import copy
 import statistics
 import tempfile
 import time
@@ -22,7 +24,9 @@ import numpy as np
 from gymnasium.vector import AutoresetMode
 
 import uuvsim_cosim as uuv
-from uuvsim_cosim.envs import Channel, CosimEnv, CosimVectorEnv, Draws, FunctionTask
+from uuvsim_cosim.envs import Channel, CosimEnv, CosimVectorEnv, Draws, FunctionTask, Solo, Task
+from uuvsim_cosim.envs.tasks import StationKeeping, TrajectoryFollowing
+from uuvsim_cosim.envs.tasks.tracking_scenarios import source, target
 from uuvsim_cosim.fmus.export.fmu_file import build_fmu
 from uuvsim_cosim.kernels import fuse
 from uuvsim_cosim.models.declaration.library import declare
@@ -128,6 +132,48 @@ def measure(name: str, task: FunctionTask, options: argparse.Namespace) -> None:
         )
 
 
+def without(task: Task) -> Task:
+    """Let the environment call the methods of a task, which are in NumPy."""
+    task = copy.copy(task)
+    task.__class__ = type(type(task).__name__, (type(task),), {"expressions": lambda t, m: None})
+    return task
+
+
+def both_forms(name: str, task: Task, options: argparse.Namespace) -> None:
+    forms = {"NumPy": without(task), "compiled": task}
+    for n in (64, 4096):
+        envs = {form: CosimVectorEnv(t, n) for form, t in forms.items()}
+        shares: dict[str, list[tuple[float, float]]] = {form: [] for form in envs}
+        for _ in range(options.repeats):
+            for form, env in envs.items():
+                actions = np.random.default_rng(1).uniform(-1, 1, env.action_space.shape or 0)
+                env.reset(seed=1)
+                share, fused, _ = share_of_python(env, n, actions)
+                shares[form].append((share, fused * (1 - share)))
+        for form, measured in shares.items():
+            share, speed = (statistics.median(values) for values in zip(*measured, strict=True))
+            print(
+                f"  {name}, {n:4d}, {form:8}: {speed:9,.0f} steps/s, share of Python {share:5.1%}"
+            )
+            envs[form].close()
+    ones = {form: CosimEnv(t) for form, t in forms.items()}
+    times: dict[str, list[float]] = {form: [] for form in ones}
+    for episode in range(4 * options.repeats):
+        for form, one in ones.items():
+            one.reset(seed=episode)
+            action = np.zeros(one.action_space.shape or 0)
+            for _ in range(45):
+                begin = time.process_time()
+                one.step(action)
+                times[form].append(1e6 * (time.process_time() - begin))
+    for form, each in times.items():
+        ones[form].close()
+        print(
+            f"  {name}, one,  {form:8}: {statistics.median(each):6.0f} us a step, "
+            f"least {min(each):6.0f} us"
+        )
+
+
 def single(name: str, env: CosimEnv, options: argparse.Namespace) -> None:
     width = env.action_space.shape[0]  # type: ignore[index]
     action = np.zeros(width, np.float32)
@@ -171,7 +217,14 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--repeats", type=int, default=5)
     parser.add_argument("--compile", action="store_true", help="also with an empty cache")
+    parser.add_argument("--expressions", action="store_true", help="both forms of tasks alone")
     options = parser.parse_args()
+    if options.expressions:
+        both_forms("target tracking, two trackers", Solo(target()), options)
+        both_forms("target tracking, one tracker", Solo(source()), options)
+        both_forms("station keeping", StationKeeping(), options)
+        both_forms("trajectory following", TrajectoryFollowing(), options)
+        return
     measure("hold, 10 communication steps an action", hold(), options)
     measure("hull, 1 communication step an action", hull("model:bluerov2_heavy"), options)
     print("one environment:")

@@ -18,25 +18,17 @@ from contextlib import ExitStack
 from fractions import Fraction
 from pathlib import Path
 
+from parts.lag_model import lag
+
 from uuvsim_cosim.fmus.component import Component
 from uuvsim_cosim.fmus.export.fmu_file import build_fmu
 from uuvsim_cosim.fmus.importer.read_description import FmuArchive, read_fmu
 from uuvsim_cosim.fmus.instantiation.instantiate import instantiate_here
 from uuvsim_cosim.fmus.isolation.isolated import Isolated
-from uuvsim_cosim.models.declaration.model import Model
 from uuvsim_cosim.orchestrator.master.master import Master
 from uuvsim_cosim.orchestrator.plan.plan import Group, Plan, PlannedComponent
 
 WAYS = ("in process", "shared memory", "pipes")
-
-
-def lag() -> Model:
-    m = Model("lag")
-    u, T = m.input("u", unit="1"), m.parameter("T", 0.5, unit="s")
-    x = m.state("x", unit="1")
-    m.der(x, (u - x) / T)
-    m.output("y", x, unit="1")
-    return m
 
 
 def made(archive: FmuArchive, way: str) -> Component:

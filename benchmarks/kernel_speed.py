@@ -24,6 +24,7 @@ from uuvsim_cosim.kernels import fuse
 from uuvsim_cosim.orchestrator.master.master import Master
 from uuvsim_cosim.orchestrator.master.prepared import prepare
 from uuvsim_cosim.orchestrator.plan.flatten import flatten
+from uuvsim_cosim.orchestrator.shipped.tracking import tracker
 
 
 def vehicle(thruster: str = "model:thruster_t200") -> uuv.System:
@@ -115,6 +116,78 @@ def measure_kernel(
             )
 
 
+def one_step_a_call(name: str, n: int, repeats: int) -> None:
+    """Compare 1 and 100 steps a call, with parameters that are read once and in every block."""
+    kernel = fuse(uuv.load(name))
+    batches = {"shared": kernel.batch(n), "own": kernel.batch(n)}
+    _ = batches["own"].cells  # a caller may write them, so nothing is shared
+    times: dict[tuple[str, int], list[float]] = {}
+    for batch in batches.values():
+        batch.step(20)
+    for _ in range(repeats):
+        for form, batch in batches.items():
+            for m, calls in ((1, 5), (100, 1)):
+                begin = time.process_time()
+                for _ in range(calls):
+                    batch.step(m)
+                times.setdefault((form, m), []).append(
+                    (time.process_time() - begin) / (calls * m * n)
+                )
+    for form, batch in batches.items():
+        one, many = (1e6 * statistics.median(times[form, m]) for m in (1, 100))
+        print(
+            f"  {name}, {n} environments, parameters {form:6}: {one:.3f} us with 1 step a call, "
+            f"{many:.3f} us with 100: {many / one:.0%} of the rate"
+        )
+        batch.close()
+
+
+def convoy(k: int) -> uuv.System:
+    """Return k vehicles in one pool; the first steers for a place behind its wall."""
+    system = uuv.System("convoy", "0.01").add("modem", f"model:modem@m64?nodes={k}")
+    for i in range(1, k + 1):
+        vehicle = tracker(f"auv_{i}", tick="0.01", eta_0=(0.5 - 0.6 * i, 0, 0.5, 0, 0, 0))
+        system = system.add(f"auv_{i}", vehicle).add(f"helm_{i}", "model:helm")
+        for a, b in (("eta", "eta"), ("nu", "nu")):
+            system = system.connect(f"auv_{i}.{a}", f"helm_{i}.{b}")
+        for a in ("a", "omega"):
+            system = system.connect(f"helm_{i}.{a}", f"auv_{i}.{a}")
+        for n in (1, 2, 3):
+            system = system.connect(f"auv_{i}.eta[{n}]", f"modem.position_{i}[{n}]")
+            system = system.connect(f"auv_{i}.eta[{n}]", f"modem.x_{i}[{n}]")
+        if i > 1:
+            system = system.connect(f"modem.y_{i}", f"helm_{i}.position_d")
+    return system.set("helm_1.position_d", [20.0, 0.0, 0.5])
+
+
+def fleet(n: int, sizes: list[int], repeats: int) -> None:
+    """Print how many simulated seconds pass in a second, by wall time and by CPU time of a core."""
+    for k in sizes:
+        kernel = fuse(convoy(k))
+        count = -(-n // k)
+        with kernel.batch(count, threads=2) as batch:
+            batch.step(1000)  # the first vehicle is at the wall, and packets have arrived
+            heard = batch.get("modem.received_2").min()
+            pushed = np.abs(batch.get("auv_1.pool.tau")).max(axis=1).min()
+            print(
+                f"{n} vehicles, {k} in each of {count} convoys; each second vehicle has heard at "
+                f"least {heard:.0f} packets, each first one is pushed with at least {pushed:.2f} N"
+            )
+            for per_call in (1, 10, 100):
+
+                def run(batch: object = batch, m: int = per_call) -> None:
+                    for _ in range(100 // m):
+                        batch.step(m)  # type: ignore[attr-defined]
+
+                wall = median(run, time.perf_counter, repeats)
+                cpu = median(run, time.process_time, repeats)
+                print(
+                    f"  {per_call:3d} step(s) a call: {1 / wall:.2f} times real time by wall time, "
+                    f"{2 / cpu:.2f} by CPU time of two cores: "
+                    f"{'holds' if wall <= 1 else 'does not hold'}"
+                )
+
+
 def calls(system: uuv.System) -> None:
     kernel = fuse(system)
     for n in (1, 4096):
@@ -146,8 +219,20 @@ def main() -> None:
     parser.add_argument("--dtypes", nargs="*", default=["float64", "float32"])
     parser.add_argument("--threads", type=int, nargs="*", default=[1, 2])
     parser.add_argument("--baseline", action="store_true", help="not for this processor alone")
+    parser.add_argument("--one-step", action="store_true", help="1 and 100 steps a call alone")
+    parser.add_argument("--fleet", type=int, help="vehicles in convoys at 100 Hz alone")
+    parser.add_argument("--convoys", type=int, nargs="*", default=[2, 4], help="their sizes")
     options = parser.parse_args()
+    if options.fleet:
+        print(processor())
+        fleet(options.fleet, options.convoys, options.repeats)
+        return
     print(f"{processor()}; {options.envs} environments")
+    if options.one_step:
+        for name in ("bluerov2_survey", "bluerov2_hold", "target_tracking"):
+            for n in (1024, 16384):
+                one_step_a_call(name, n, options.repeats)
+        return
     measure("survey, complete", uuv.load("bluerov2_survey"), options)
     measure("hold, complete", uuv.load("bluerov2_hold"), options)
     measure("hull, T200", vehicle(), options)

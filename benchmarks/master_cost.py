@@ -2,6 +2,9 @@
 
 Both step the same exported FMI 3.0 FMUs, in the same process, in turn; medians of CPU time.
 Targets: at most 1.5, and 2 with every signal recorded.
+
+``--systems`` measures shipped systems instead: µs of CPU time a step, medians of turns, as FMUs,
+native and as a kernel with one lane, beside ten of these FMUs and the loop in C over them.
 """
 
 from __future__ import annotations
@@ -14,12 +17,16 @@ import time
 from fractions import Fraction
 from pathlib import Path
 
+from parts.lag_model import lag
+
+import uuvsim_cosim as uuv
 from uuvsim_cosim.fmus.codegen.toolchain import compile_shared
 from uuvsim_cosim.fmus.export.fmu_file import build_fmu
 from uuvsim_cosim.fmus.importer.read_description import read_description
 from uuvsim_cosim.fmus.instantiation.instantiate import instantiate_fmu
-from uuvsim_cosim.models.declaration.model import Model
 from uuvsim_cosim.orchestrator.master.master import Master
+from uuvsim_cosim.orchestrator.master.prepared import prepare
+from uuvsim_cosim.orchestrator.plan.flatten import flatten
 from uuvsim_cosim.orchestrator.plan.plan import Group, Plan, PlannedComponent, Transfer
 from uuvsim_cosim.orchestrator.recording.recorder import Recorder
 
@@ -37,15 +44,6 @@ class Fmu(ctypes.Structure):
         ("u", ctypes.c_uint32),
         ("y", ctypes.c_uint32),
     )
-
-
-def lag() -> Model:
-    m = Model("lag")
-    u, T = m.input("u", unit="1"), m.parameter("T", 0.5, unit="s")
-    x = m.state("x", unit="1")
-    m.der(x, (u - x) / T)
-    m.output("y", x, unit="1")
-    return m
 
 
 def chain(fmu: Path, n: int) -> Plan:
@@ -106,6 +104,34 @@ def measure(fmu: Path, n: int, steps: int, repeats: int) -> tuple[float, ...]:
     return tuple(statistics.median(t) for t in times)
 
 
+GOALS = {"bluerov2_hold": 1.2, "bluerov2_survey": 2.5}  # µs a step, as FMUs
+
+
+def measure_systems(fmu: Path, steps: int, repeats: int) -> None:
+    """Print the CPU time of a step of each shipped system [µs], and whether it holds its goal."""
+    for name in ("bluerov2_hold", "bluerov2_survey", "target_tracking"):
+        system = uuv.load(name)
+        plan = flatten(system)
+        with Master(plan, prepare(plan)) as fmus, Master(plan, prepare(plan, "native")) as native:
+            fmus.initialize()
+            native.initialize()
+            batch = uuv.fuse(system).batch(1)
+            kinds = {"FMUs": fmus.step, "native": native.step, "kernel": batch.step}
+            times: dict[str, list[float]] = {kind: [] for kind in kinds}
+            for _ in range(repeats):
+                for kind, step in kinds.items():
+                    begin = time.process_time()
+                    step(steps)
+                    times[kind].append(1e6 * (time.process_time() - begin) / steps)
+        medians = {kind: statistics.median(t) for kind, t in times.items()}
+        goal = GOALS.get(name)
+        holds = "holds" if goal is not None and medians["FMUs"] <= goal else "does not hold"
+        verdict = "" if goal is None else f"   goal {goal} as FMUs: {holds}"
+        print(f"{name:20}" + "".join(f"{m:9.2f}" for m in medians.values()) + verdict, flush=True)
+    plain, ours, *_ = (1e6 * t / steps for t in measure(fmu, 10, steps, repeats))
+    print(f"{'ten lags':20}{ours:9.2f}        -        -   loop in C {plain:.2f}")
+
+
 def ready(plan: Plan, *observers: Recorder) -> Master:
     master = Master(plan, lambda p: instantiate_fmu(Path(p.source), p.path), observers=observers)
     master.initialize()
@@ -116,8 +142,13 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--steps", type=int, default=10_000)
     parser.add_argument("--repeats", type=int, default=9)
+    parser.add_argument("--systems", action="store_true", help="steps of shipped systems")
     options = parser.parse_args()
     fmu = build_fmu(lag(), fmi=3)
+    if options.systems:
+        print(f"{'[µs/step]':20}     FMUs   native   kernel")
+        measure_systems(fmu, options.steps, options.repeats)
+        return
     print(" FMUs  plain [ns/step]  master  recording  recording, closed")
     for n in (2, 10, 50):
         plain, ours, recorded, closing = measure(fmu, n, options.steps, options.repeats)

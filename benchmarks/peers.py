@@ -17,8 +17,8 @@ from datetime import UTC, datetime
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
-from master_cost import lag
 from parts.lag_fmu import lag_fmu
+from parts.lag_model import lag
 from parts.peers_engines import ENGINES
 
 from uuvsim_cosim.fmus.export.fmu_file import build_fmu

@@ -14,11 +14,16 @@ from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
+import hypothesis
 import pytest
 
 from tests.processor_time import Watch
 from uuvsim_cosim.cache import cache_dir, content_hash
 from uuvsim_cosim.fmus.codegen.toolchain import compile_shared, host
+
+# Hypothesis counts seconds on the clock, which other work on the machine takes as well.
+hypothesis.settings.register_profile("uuvsim", deadline=None)
+hypothesis.settings.load_profile("uuvsim")
 
 # Servers of tests leave nothing in the user's own folder, also when they are killed.
 TOKENS = tempfile.TemporaryDirectory(prefix="uuvsim-tokens-")

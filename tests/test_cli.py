@@ -113,7 +113,7 @@ def test_set_rate_and_record_every_reach_the_run(uuvsim: Uuvsim, tank: str) -> N
 def test_a_second_run_says_that_it_went_beside(uuvsim: Uuvsim, tank: str) -> None:
     uuvsim("run", tank, "--until", "1", "--no-report")
     _, out, _ = uuvsim("run", tank, "--until", "1", "--no-report")
-    assert "went beside" in out
+    assert "was written beside" in out
     assert Path("runs/tank-0-2/signals.parquet").is_file()
 
 
@@ -233,7 +233,7 @@ def test_a_failed_component_is_status_3_and_keeps_the_recording(uuvsim: Uuvsim, 
     status, _, err = uuvsim("run", tank, "--set", "tap.bursts=1", "--until", "3", "--out", "r")
     assert status == 3
     assert "'tap' failed at t = " in err
-    assert "recording up to then is in r" in err
+    assert "recording up to that time is in r" in err
     assert Path("r/signals.parquet").is_file()
 
 
@@ -249,20 +249,23 @@ def test_an_interrupted_run_is_status_130_with_a_closed_recording(
     assert "r/signals.parquet" in out
 
 
+LISTED = "uuvsim_cosim.commands.shared.listings.listed_systems"  # what `uuvsim systems` calls
+
+
 def test_what_cannot_go_on_says_that_it_was_interrupted(
     uuvsim: Uuvsim, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def interrupted() -> list[str]:
+    def interrupted(_: str) -> list[str]:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("uuvsim_cosim.orchestrator.running.library.available", interrupted)
+    monkeypatch.setattr(LISTED, interrupted)
     assert uuvsim("systems") == (130, "", "uuvsim: interrupted\n")
 
 
 def test_an_unexpected_error_asks_to_be_reported(
     uuvsim: Uuvsim, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("uuvsim_cosim.orchestrator.running.library.available", None)
+    monkeypatch.setattr(LISTED, None)
     status, _, err = uuvsim("systems")
     assert status == 1
     assert "please report it" in err
@@ -274,10 +277,10 @@ def test_an_unexpected_error_asks_to_be_reported(
 def test_an_error_in_code_that_is_not_ours_is_told_with_its_line(
     uuvsim: Uuvsim, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def broken() -> list[str]:
+    def broken(_: str) -> list[str]:
         raise RuntimeError("cause")
 
-    monkeypatch.setattr("uuvsim_cosim.orchestrator.running.library.available", broken)
+    monkeypatch.setattr(LISTED, broken)
     status, _, err = uuvsim("systems")
     assert (status, err) == (
         2,

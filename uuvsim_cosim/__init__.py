@@ -20,9 +20,16 @@ if TYPE_CHECKING:
     from uuvsim_cosim.orchestrator.master.master import Master
     from uuvsim_cosim.orchestrator.recording.recording_reader import read_signals
     from uuvsim_cosim.orchestrator.recording.signals import Signals
+    from uuvsim_cosim.orchestrator.running.analysis import (
+        analyse,
+        dynamics,
+        linearize,
+        optimal_control,
+        trim,
+    )
     from uuvsim_cosim.orchestrator.running.library import available, load
-    from uuvsim_cosim.orchestrator.running.linearize import linearize, trim
     from uuvsim_cosim.orchestrator.running.run import Run, run
+    from uuvsim_cosim.orchestrator.shipped.of_vehicle import system_of
     from uuvsim_cosim.orchestrator.system.system import System
     from uuvsim_cosim.studies import Study, study
     from uuvsim_cosim.view.notebook.plot import plot
@@ -39,17 +46,21 @@ __all__ = [
     "System",
     "UuvsimError",
     "__version__",
+    "analyse",
     "available",
     "connect",
     "declare",
+    "dynamics",
     "fuse",
     "linearize",
     "load",
+    "optimal_control",
     "plot",
     "read_signals",
     "run",
     "simulate",
     "study",
+    "system_of",
     "trim",
 ]
 
@@ -66,17 +77,21 @@ __getattr__, __dir__ = lazy(
         "Signals": "orchestrator.recording.signals",
         "Study": "studies",
         "System": "orchestrator.system.system",
+        "analyse": "orchestrator.running.analysis",
         "available": "orchestrator.running.library",
         "connect": "bridge.clients.client",
         "declare": "models.declaration.library",
+        "dynamics": "orchestrator.running.analysis",
         "fuse": "kernels",
-        "linearize": "orchestrator.running.linearize",
+        "linearize": "orchestrator.running.analysis",
         "load": "orchestrator.running.library",
+        "optimal_control": "orchestrator.running.analysis",
         "plot": "view.notebook.plot",
         "read_signals": "orchestrator.recording.recording_reader",
         "run": "orchestrator.running.run",
         "simulate": "models.analysis.simulate",
         "study": "studies",
-        "trim": "orchestrator.running.linearize",
+        "system_of": "orchestrator.shipped.of_vehicle",
+        "trim": "orchestrator.running.analysis",
     },
 )

@@ -10,7 +10,10 @@ import os
 import sys
 import sysconfig
 import traceback
+from collections.abc import Iterable, Sequence
 from contextlib import suppress
+from importlib import import_module
+from inspect import getdoc
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -18,29 +21,13 @@ import typer
 from typer.core import TyperGroup
 
 from uuvsim_cosim._version import __version__
-from uuvsim_cosim.commands import doctor
-from uuvsim_cosim.commands.learn import (
-    collect,
-    envs,
-    evaluate,
-    export_policy,
-    play,
-    reproduce,
-    train,
-    train_offline,
-)
-from uuvsim_cosim.commands.models import fmu, models, new, terrain
-from uuvsim_cosim.commands.run import compare, export, pack, report, run, systems, view
-from uuvsim_cosim.commands.run import map as map_
-from uuvsim_cosim.commands.serve import access, matlab, serve
 from uuvsim_cosim.commands.shared.answer import answer, answering, error_fields, mode_of
-from uuvsim_cosim.commands.shared.common_options import complete, path_of
+from uuvsim_cosim.commands.shared.common_options import complete, path_of, walk
 from uuvsim_cosim.commands.shared.completion import whole_words
 from uuvsim_cosim.commands.shared.terminal import line, notice, put
-from uuvsim_cosim.commands.study import identify, study
 from uuvsim_cosim.errors import UuvsimError
 
-__all__ = ["app", "main"]
+__all__ = ["main"]
 
 
 class _Commands(TyperGroup):
@@ -55,16 +42,6 @@ class _Commands(TyperGroup):
             raise typer.Exit(130) from interrupted
 
 
-app = typer.Typer(
-    name="uuvsim",
-    cls=_Commands,
-    help="Simulate unmanned underwater vehicles as a co-simulation of exchangeable FMUs.",
-    no_args_is_help=True,
-    pretty_exceptions_enable=False,
-    context_settings={"help_option_names": ["-h", "--help"]},
-)
-
-
 def _version(wanted: bool) -> None:
     if wanted:
         put("version", __version__)
@@ -72,53 +49,96 @@ def _version(wanted: bool) -> None:
         raise typer.Exit
 
 
-@app.callback()
 def _root(
     version: Annotated[
-        bool, typer.Option("--version", callback=_version, is_eager=True, help="Say the version.")
+        bool, typer.Option("--version", callback=_version, is_eager=True, help="Print the version.")
     ] = False,
 ) -> None:
     """Simulate unmanned underwater vehicles as a co-simulation of exchangeable FMUs."""
 
 
-SIMULATE = "Simulate and look"
+SIMULATE = "Simulation and results"
 BUILD = "Systems, models and FMUs"
 SCENE = "Seabeds"
 STUDY = "Studies and identification"
 LEARN = "Learning"
 INSTALL = "Installation and access"
 
-app.command("run", rich_help_panel=SIMULATE)(run.run_command)
-app.command("serve", rich_help_panel=SIMULATE)(serve.serve_command)
-app.command("view", rich_help_panel=SIMULATE)(view.view_command)
-app.command("report", rich_help_panel=SIMULATE)(report.report_command)
-app.command("export", rich_help_panel=SIMULATE)(export.export_command)
-app.command("compare", rich_help_panel=SIMULATE)(compare.compare_command)
-app.add_typer(systems.app, name="systems", rich_help_panel=BUILD)
-app.add_typer(models.app, name="models", rich_help_panel=BUILD)
-app.add_typer(fmu.app, name="fmu", rich_help_panel=BUILD)
-app.command("pack", rich_help_panel=BUILD)(pack.pack_command)
-app.command("new", rich_help_panel=BUILD)(new.new_command)
-app.command("terrain", rich_help_panel=SCENE)(terrain.terrain_command)
-app.command("map", rich_help_panel=SCENE)(map_.map_command)
-app.command("study", rich_help_panel=STUDY)(study.study_command)
-app.command("identify", rich_help_panel=STUDY)(identify.identify_command)
-app.command("envs", rich_help_panel=LEARN)(envs.envs_command)
-app.command("train", rich_help_panel=LEARN)(train.train_command)
-app.command("collect", rich_help_panel=LEARN)(collect.collect_command)
-app.command("train-offline", rich_help_panel=LEARN)(train_offline.train_offline_command)
-app.command("evaluate", rich_help_panel=LEARN)(evaluate.evaluate_command)
-app.command("play", rich_help_panel=LEARN)(play.play_command)
-app.command("export-policy", rich_help_panel=LEARN)(export_policy.export_policy_command)
-app.command("reproduce", rich_help_panel=LEARN)(reproduce.reproduce_command)
-app.command("doctor", rich_help_panel=INSTALL)(doctor.doctor_command)
-app.command("matlab", rich_help_panel=INSTALL)(matlab.matlab_command)
-app.add_typer(access.app, name="access", rich_help_panel=INSTALL)
+# Commands by name: the object in `uuvsim_cosim.commands` (a group is an `app`), and the heading in
+# `--help`. A module is imported when its command is needed. Groups are last, as Typer lists them.
+COMMANDS = {
+    "run": ("run.run:run_command", SIMULATE),
+    "serve": ("serve.serve:serve_command", SIMULATE),
+    "view": ("run.view:view_command", SIMULATE),
+    "report": ("run.report:report_command", SIMULATE),
+    "export": ("run.export:export_command", SIMULATE),
+    "compare": ("run.compare:compare_command", SIMULATE),
+    "cite": ("models.cite:cite_command", BUILD),
+    "pack": ("run.pack:pack_command", BUILD),
+    "new": ("models.new:new_command", BUILD),
+    "terrain": ("models.terrain:terrain_command", SCENE),
+    "map": ("run.map:map_command", SCENE),
+    "study": ("study.study:study_command", STUDY),
+    "analyse": ("study.analyse:analyse_command", STUDY),
+    "identify": ("study.identify:identify_command", STUDY),
+    "envs": ("learn.envs:envs_command", LEARN),
+    "train": ("learn.train:train_command", LEARN),
+    "collect": ("learn.collect:collect_command", LEARN),
+    "train-offline": ("learn.train_offline:train_offline_command", LEARN),
+    "evaluate": ("learn.evaluate:evaluate_command", LEARN),
+    "play": ("learn.play:play_command", LEARN),
+    "export-policy": ("learn.export_policy:export_policy_command", LEARN),
+    "reproduce": ("learn.reproduce:reproduce_command", LEARN),
+    "lint": ("editor.lint:lint_command", BUILD),
+    "doctor": ("doctor:doctor_command", INSTALL),
+    "matlab": ("serve.matlab:matlab_command", INSTALL),
+    "systems": ("run.systems:app", BUILD),
+    "models": ("models.models:app", BUILD),
+    "fmu": ("models.fmu:app", BUILD),
+    "access": ("serve.access:app", INSTALL),
+}
 
 
-def command_tree() -> Any:
-    """Return the command with all subcommands, each with the shared options."""
-    return complete(typer.main.get_command(app))
+def _app(names: Iterable[str], *, completion: bool = True, headings: bool = False) -> typer.Typer:
+    """Return the command with some of its subcommands, or with their `headings` for a list."""
+    made = typer.Typer(
+        name="uuvsim",
+        cls=_Commands,
+        help="Simulate unmanned underwater vehicles as a co-simulation of exchangeable FMUs.",
+        no_args_is_help=True,
+        pretty_exceptions_enable=False,
+        context_settings={"help_option_names": ["-h", "--help"]},
+        add_completion=completion,
+    )
+    made.callback()(_root)
+    for name in names:
+        place, panel = COMMANDS[name]
+        module, _, attribute = place.partition(":")
+        found = getattr(import_module(f"uuvsim_cosim.commands.{module}"), attribute)
+        if headings:
+            text = found.info.help if isinstance(found, typer.Typer) else getdoc(found)
+            made.command(name, rich_help_panel=panel, help=text)(lambda: None)
+        elif isinstance(found, typer.Typer):
+            made.add_typer(found, name=name, rich_help_panel=panel)
+        else:
+            made.command(name, rich_help_panel=panel)(found)
+    return made
+
+
+def command_tree(arguments: Sequence[str] = ()) -> Any:
+    """Return the command with all subcommands, each with the shared options.
+
+    If `arguments` begin with a subcommand, it is the only one: that takes half the time.
+    """
+    if tuple(arguments) in (("-h",), ("--help",)):
+        return complete(typer.main.get_command(_app(COMMANDS, headings=True)))
+    if not arguments or arguments[0] not in COMMANDS:
+        return complete(typer.main.get_command(_app(COMMANDS)))
+    command = complete(typer.main.get_command(_app(arguments[:1], completion=False)))
+    if not any(a.startswith(("-h", "--h")) for a in arguments):
+        for _, each in walk(command):
+            each.add_help_option = False  # reading that option imports pydantic
+    return command
 
 
 def main(arguments: list[str] | None = None) -> None:
@@ -133,7 +153,7 @@ def status_of(arguments: list[str] | None = None) -> int:
     # Messages of components are recorded, and assumptions are in the summary: not on stderr too.
     logging.getLogger("uuvsim_cosim").addHandler(logging.NullHandler())
     given = sys.argv[1:] if arguments is None else arguments
-    command = command_tree()
+    command = command_tree(given)
     status = 0
     with suppress(BrokenPipeError), answering(mode_of(given)) as found:
         found.put("command", path_of(command, given))

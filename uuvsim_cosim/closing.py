@@ -41,12 +41,12 @@ class Closing(ABC):
 class Owner(Closing):
     """An object that owns others: sockets, files, sessions, threads.
 
-    Its constructor opens them in `opening`, and registers in the stack how each is closed. They are
-    closed in the opposite order, at once if the constructor fails, also if one of them raises.
+    Its constructor opens them in `_opening`, and registers in the stack how each is closed. They
+    are closed in the opposite order, at once if the constructor fails, also if one of them raises.
     """
 
     @contextmanager
-    def opening(self) -> Iterator[ExitStack]:
+    def _opening(self) -> Iterator[ExitStack]:
         """Yield the stack for the objects that the constructor opens."""
         with ExitStack() as stack:
             yield stack

@@ -39,8 +39,17 @@ class Problem:
 class UuvsimError(Exception):
     """Base of all errors of this package; `exit_status` is what the command line returns.
 
-    An error is made of (place, what was read, what was expected), of the last two, or of one whole
-    sentence. `problems` holds them as data; `str` is the sentence.
+    Its `parts` are (place, what was read, what was expected), the last two, or one whole sentence.
+    `problems` holds them as data; `str` is the sentence.
+
+    Example:
+
+    >>> import uuvsim_cosim as uuv
+    >>> try:
+    ...     uuv.load("bluerov2_hold").set("controller.T_ff", "3 m")
+    ... except uuv.UuvsimError as error:
+    ...     print(error.problems[0])
+    controller.T_ff: a value in 'm'; expected one in 's' or a unit of its kind
     """
 
     exit_status = 2
@@ -61,7 +70,16 @@ class UuvsimError(Exception):
 
     @classmethod
     def of(cls, problems: Iterable[Problem | str]) -> Self:
-        """Make an error of several problems, or whole sentences, one a line."""
+        """Make an error of several `problems`, or whole sentences, one a line.
+
+        Example:
+
+        >>> from uuvsim_cosim.errors import InputInvalid, Problem
+        >>> wrong = Problem("survey.csv:3", "depth -2 m", "0 m or more")
+        >>> print(InputInvalid.of([wrong, "survey.csv: no waypoints"]))
+        survey.csv:3: depth -2 m; expected 0 m or more
+          survey.csv: no waypoints
+        """
         each = tuple(p if isinstance(p, Problem) else Problem("", p, "") for p in problems)
         error = cls("\n  ".join(map(str, each)))
         error.problems = each
@@ -72,7 +90,14 @@ class UuvsimError(Exception):
         return "\n  ".join(str(p) for p in self.problems)
 
     def at(self, place: str, otherwise: str) -> Problem:
-        """Return this error as a problem at a place; `otherwise` is expected if it has none."""
+        """Return this error as a problem at a `place`; `otherwise` is expected if it has none.
+
+        Example:
+
+        >>> import uuvsim_cosim as uuv
+        >>> print(uuv.UuvsimError("3 values", "6").at("plan.csv:4", "numbers"))
+        plan.csv:4: 3 values; expected 6
+        """
         first, *more = self.problems
         read = f"{first.place}: {first.read}" if first.place else first.read
         right = first.expected or ("" if "expected " in read else otherwise)

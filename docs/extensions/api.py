@@ -8,9 +8,12 @@ from __future__ import annotations
 
 import inspect
 import re
+from functools import cached_property
 from importlib import import_module
 from types import ModuleType
 from typing import Any
+
+from uuvsim_cosim import errors
 
 PACKAGES = (
     "",
@@ -26,6 +29,12 @@ PACKAGES = (
     "cluster",
 )
 ROOT = "uuvsim_cosim"
+# Texts of public constants, which have no docstring of their own.
+CONSTANTS = {
+    "__version__": "Version of the package.",
+    "scene.SEABED": "Kind of a ray that meets the seabed first, see `Caster.cast`.",
+    "learn.CURRICULA": "Curricula that ship, by name, see `train_curriculum`.",
+}
 
 
 def module_of(package: str) -> ModuleType:
@@ -54,7 +63,8 @@ def public_members(value: Any) -> dict[str, Any]:
         for owner in reversed(value.__mro__)
         if owner.__module__.startswith(ROOT)
         for name, member in vars(owner).items()
-        if not name.startswith("_") and (callable(member) or isinstance(member, property))
+        if not name.startswith("_")
+        and (callable(member) or isinstance(member, (property, cached_property, classmethod)))
     }
 
 
@@ -80,13 +90,33 @@ def pages() -> dict[str, str]:
         if elsewhere:
             lines += ["Names that are documented elsewhere: " + ", ".join(elsewhere) + ".", ""]
         texts[f"{package or 'uuvsim_cosim'}.md"] = "\n".join([*lines, *entries, ""])
+    texts["errors.md"] = _errors()
     listed = "\n".join(name.removesuffix(".md") for name in texts)
     texts["index.md"] = (
         "# Python API\n\nEvery name can be imported from the package of its page. Deeper "
         "module paths are private and may change with any version.\n\n"
+        "An entry shows the signature, then shapes, units and errors, then an example that you "
+        "can paste into Python or a notebook. Examples are tested.\n\n"
         f"```{{toctree}}\n:maxdepth: 2\n\n{listed}\n```\n"
     )
     return texts
+
+
+def _errors() -> str:
+    """Return the page of the errors that docstrings name."""
+    rows = []
+    for name in errors.__all__:
+        value = getattr(errors, name)
+        if issubclass(value, errors.UuvsimError):
+            text = " ".join((inspect.getdoc(value) or "").split("\n\n")[0].split())
+            base = value.__bases__[0].__name__
+            rows.append(f"| `{name}` | `{base}` | {value.exit_status} | {_markdown(text)} |")
+    return (
+        "# uuvsim_cosim.errors\n\nAll errors derive from {py:obj}`uuvsim_cosim.UuvsimError`, so "
+        "`except uuv.UuvsimError` catches each. The status is that with which the command line "
+        "ends.\n\n| error | derives from | status | meaning |\n|---|---|---|---|\n"
+        + "\n".join(rows) + "\n"
+    )  # fmt: skip
 
 
 def _entry(name: str, module: ModuleType, names: dict[str, Any]) -> str:
@@ -103,7 +133,8 @@ def _directive(path: str, value: Any) -> str:
     elif inspect.isroutine(value):
         kind, option = "autofunction", ""
     else:
-        kind, option = "autodata", "\n   :no-value:"
+        text = CONSTANTS[path.removeprefix(f"{ROOT}.")]
+        kind, option = "autodata", f"\n   :no-value:\n\n   {_escaped(text)}"
     name = path.rpartition(".")[2]
     return f"## {name}\n\n```{{eval-rst}}\n.. {kind}:: {path}{option}\n```\n"
 
@@ -141,6 +172,25 @@ def as_rst(
         else:
             out.append(_escaped(first))
     lines[:] = "\n\n".join(out).splitlines()
+
+
+def with_plain_types(
+    app: object,
+    what: str,
+    name: str,
+    obj: object,
+    options: object,
+    signature: str | None,
+    result: str | None,
+) -> tuple[str | None, str | None] | None:
+    """Return a signature and its result with the names of type aliases as one writes them."""
+    if "TypeAliasForwardRef" not in f"{signature} {result}":
+        return None  # as it is
+    plain = [
+        text and re.sub(r"TypeAliasForwardRef\('(\w+)'\)", r"\1", text)
+        for text in (signature, result)
+    ]
+    return plain[0], plain[1]
 
 
 def _escaped(text: str) -> str:

@@ -57,7 +57,7 @@ def _entry(command: Any, path: str) -> str:
             + "\n".join(_option(o) for o in options)
         )
     if examples:
-        parts.append("```text\n" + "\n".join(examples) + "\n```")
+        parts.append("Examples:\n\n```text\n" + "\n".join(examples) + "\n```")
     return "\n\n".join(p for p in parts if p)
 
 

@@ -11,6 +11,7 @@ import csv
 import hashlib
 import inspect
 import io
+import re
 from collections import defaultdict
 from collections.abc import Mapping
 from functools import cache
@@ -87,8 +88,8 @@ def page(name: str, model: Any) -> str:
         model.description + ".",
         f"Declared by `{function.__name__}` in `{file}`.",
         "## Description",
-        _docstring(inspect.getdoc(module) or ""),
-        _docstring(inspect.getdoc(function) or ""),
+        as_markdown(inspect.getdoc(module) or ""),
+        as_markdown(inspect.getdoc(function) or ""),
         _options(function),
         "## Equations",
         _equations(model, file),
@@ -107,11 +108,11 @@ def page(name: str, model: Any) -> str:
     return "\n\n".join(part for part in parts if part) + "\n"
 
 
-def _docstring(text: str) -> str:
-    """Return a docstring as Markdown; equations, which are indented or spaced, become code."""
+def as_markdown(text: str) -> str:
+    """Return a docstring as Markdown; equations and tables, indented or spaced, become code."""
     paragraphs = []
     for paragraph in text.replace("``", "`").split("\n\n"):
-        if paragraph.startswith("    "):
+        if paragraph.startswith("    ") or len(re.findall(r"^\S+ {2,}\S", paragraph, re.M)) > 1:
             paragraphs.append("```text\n" + inspect.cleandoc(paragraph) + "\n```")
         elif "* " in paragraph[:2] or "- " in paragraph[:2]:
             paragraphs.append(paragraph)

@@ -53,4 +53,5 @@ def setup(app: Sphinx) -> dict[str, Any]:
     logging.getLogger("uuvsim_cosim").setLevel(logging.WARNING)  # not each compilation
     app.connect("builder-inited", lambda app: write_pages(Path(app.srcdir) / "reference"))
     app.connect("autodoc-process-docstring", api.as_rst)
+    app.connect("autodoc-process-signature", api.with_plain_types)
     return {"parallel_read_safe": True, "version": "1"}

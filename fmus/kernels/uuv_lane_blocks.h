@@ -1,18 +1,44 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* What a kernel's driver offers: whole ranges of blocks stepped, seeded, reset, or derived anew.
  *
- * Included at the end of the generated driver, which has N_CELLS, N_START, N_SEEDED, seeded, step,
- * initialize, derive.
+ * Included at the end of the generated driver, which has N_CELLS, N_START, N_SEEDED, seeded,
+ * N_MEMBERS, members, declared, step, initial_outputs.
  */
 #ifndef UUV_LANE_BLOCKS_H
 #define UUV_LANE_BLOCKS_H
 
-/* Makes n communication steps in the blocks first ... last - 1; says whether a lane has failed. */
-UUV_KERNEL_API int32_t uuv_kernel_step(V *memory, uint64_t first, uint64_t last, uint64_t n) {
+/* A block of lanes from its start values, at time 0. */
+static void initialize(V *m, const V *start) {
+    memset(m, 0, N_WORD_CELLS * sizeof(V));
+    for (uint32_t i = 0; i < N_MEMBERS; i++) {
+        const uuv_lane_component *c = declared[members[i].declaration];
+        V *b = m + members[i].cell;
+        memcpy(b, start + members[i].start, c->off_derived * sizeof(V));
+        lane_initialize(c, b);
+    }
+    initial_outputs(m);
+    for (uint32_t i = 0; i < N_MEMBERS; i++) {
+        const uuv_lane_component *c = declared[members[i].declaration];
+        V *b = m + members[i].cell;
+        lane_check(m, b, c->off_x, c->n_block);
+        if (members[i].is_slower) /* its pending outputs follow its block */
+            memcpy(b + c->n_block, b + c->off_y, (c->n_block - c->off_y) * sizeof(V));
+    }
+}
+
+/* Makes n communication steps in the blocks first ... last - 1; says whether a lane has failed.
+ * `is_own` says by first cell whether a block reads its own parameters of a component; all do if
+ * it is 0. */
+UUV_KERNEL_API int32_t uuv_kernel_step(V *memory, const uint8_t *is_own, uint64_t first,
+                                       uint64_t last, uint64_t n) {
     int32_t failed = 0;
     for (uint64_t i = first; i < last; i++) {
         V *m = memory + i * N_CELLS;
-        for (uint64_t k = 0; k < n; k++) step(m);
+        uuv_lane_sources at = {is_own, -(int64_t)(i * N_CELLS), 0};
+        for (uint64_t k = 0; k < n; k++) {
+            if (k + 1 == n && i + 1 < last) at.to_next = N_CELLS;
+            step(m, &at);
+        }
         failed |= uuv_any(~uuv_mask_of_words(uuv_words_equal(*lane_words(m, WORD_FAILED), 0)));
     }
     return failed;
@@ -91,7 +117,11 @@ UUV_KERNEL_API void uuv_kernel_seed(V *start, const uint64_t *seeds, const uint8
 
 /* What follows from the parameters of a component, after they were set. */
 UUV_KERNEL_API void uuv_kernel_derive(V *memory, uint32_t member, uint64_t first, uint64_t last) {
-    for (uint64_t i = first; i < last; i++) derive(memory + i * N_CELLS, member);
+    const uuv_lane_component *c = declared[members[member].declaration];
+    for (uint64_t i = first; i < last; i++) {
+        V *b = memory + i * N_CELLS + members[member].cell;
+        c->derived(b, b + c->off_derived);
+    }
 }
 
 #endif

@@ -12,7 +12,8 @@
 typedef struct {
     uint32_t n_draws; /* standard normals that one tick consumes */
     uint32_t index;   /* the "variable number" in the key of its draws */
-    void (*update)(V *b, const V *draws, uuv_mask due); /* in place, in the lanes that are due */
+    /* in place, in the lanes that are due; p as below */
+    void (*update)(V *b, const V *p, const V *draws, uuv_mask due);
 } uuv_lane_clock;
 
 /* The beginning and the end of a step, in each lane. */
@@ -20,17 +21,28 @@ typedef struct {
     V t, end, length;
 } uuv_lane_time;
 
+/* Where the parameters of a block are in this step, and the block that is stepped next.
+ *
+ * If the parameters of a component have equal values in all lanes, every block reads those of the
+ * first block. They stay in the processor's cache, whereas a block's own ones come from memory. */
 typedef struct {
-    uint32_t n_block, off_derived, off_x, n_x, n_z, off_y, n_clocks;
+    const uint8_t *is_own; /* by first cell of a component: whether each block reads its own; or 0 */
+    int64_t to_first;    /* cells from this block to the first one */
+    int64_t to_next;     /* cells from this block to the next one, which is prefetched; or 0 */
+} uuv_lane_sources;
+
+typedef struct {
+    uint32_t n_block, off_parameters, off_derived, off_x, n_x, n_z, off_y, n_clocks;
     uint32_t n_held; /* values that a step holds */
     int32_t off_seed; /* or -1 */
     const uuv_lane_clock *clocks;
     void (*derived)(const V *b, V *out);
     void (*initial)(const V *b, V *out);
-    void (*held)(const V *b, V *w); /* what follows from inputs, parameters and samples alone */
-    void (*rhs)(const V *b, const V *w, V *dx);
-    void (*outputs)(const V *b, V *out);
-    void (*outputs_of_step)(const V *b, const V *w, V *out); /* the same, after `held` */
+    /* p: the block that has the parameters and derived values, at their places in b */
+    void (*held)(const V *b, const V *p, V *w); /* what does not change within a step */
+    void (*rhs)(const V *b, const V *p, const V *w, V *dx);
+    void (*outputs)(const V *b, const V *p, V *out);
+    void (*outputs_of_step)(const V *b, const V *p, const V *w, V *out); /* after `held` */
 } uuv_lane_component;
 
 /* The steps of one declaration, compiled with it (uuv_lane_steps.h). */
@@ -38,14 +50,15 @@ typedef struct {
     const uuv_lane_component *component;
     /* A communication step of one tick; clock i has period periods[i] of the system's. */
     void (*do_step)(V *cells, V *b, uint32_t n_pieces, const uint8_t *periods, uint32_t n_periods,
-                    const uuv_lane_time *now, V *scratch);
+                    const uuv_lane_time *now, const uuv_lane_sources *at, V *scratch);
     /* The same for `count` equal components without clocks whose blocks follow each other, side by
      * side, so that a processor always has something independent to do. */
     void (*do_step_together)(V *cells, V *b, uint32_t count, uint32_t n_pieces,
-                             const uuv_lane_time *now, V *scratch);
+                             const uuv_lane_time *now, const uuv_lane_sources *at, V *scratch);
     /* The parts of a longer one. */
-    void (*sample)(V *b, uint32_t clock, uuv_mask due, uuv_words sample, V t, V *scratch);
-    void (*integrate)(V *b, V t, V length, uint32_t n_pieces, V *scratch);
+    void (*sample)(V *b, const V *p, uint32_t clock, uuv_mask due, uuv_words sample, V t,
+                   V *scratch);
+    void (*integrate)(V *b, const V *p, V t, V length, uint32_t n_pieces, V *scratch);
 } uuv_lane_stepper;
 
 /* Standard normal draws of a block of lanes: out[n][width] (fmus/kernels/float_draws.c). */

@@ -46,6 +46,12 @@ UUV_STEP_INLINE void lane_draw(const V *seed, const uuv_lane_clock *clock, uuv_w
 
 #endif
 
+/* Asks for n cells, so that they come from memory while other cells are computed with. */
+UUV_STEP_INLINE void lane_prefetch(const V *cells, uint32_t n) {
+    const char *first = (const char *)cells, *end = (const char *)(cells + n);
+    for (; first < end; first += 64) __builtin_prefetch(first, 1, 2);
+}
+
 /* x = x0 + h k, of all components */
 UUV_STEP_INLINE void lane_advance_states(const uuv_lane_component *c, V *b, uint32_t count, V h,
                                          const V *x0, const V *k) {
@@ -54,81 +60,101 @@ UUV_STEP_INLINE void lane_advance_states(const uuv_lane_component *c, V *b, uint
             b[j * c->n_block + c->off_x + i] = x0[j * c->n_x + i] + h * k[j * c->n_x + i];
 }
 
-UUV_STEP_INLINE void lane_derivatives(const uuv_lane_component *c, V *b, uint32_t count, V t,
-                                      const V *held, V *k) {
+UUV_STEP_INLINE void lane_derivatives(const uuv_lane_component *c, V *b, const V *const *p,
+                                      uint32_t count, V t, const V *held, V *k) {
     for (uint32_t j = 0; j < count; j++) {
         b[j * c->n_block] = t;
-        c->rhs(b + j * c->n_block, held + j * c->n_held, k + j * c->n_x);
+        c->rhs(b + j * c->n_block, p[j], held + j * c->n_held, k + j * c->n_x);
     }
 }
 
 /* n_pieces classical Runge-Kutta steps, of `count` equal components side by side. */
-UUV_STEP_INLINE void lane_integrate(const uuv_lane_component *c, V *b, uint32_t count, V begin,
-                                    V length, uint32_t n_pieces, V *scratch) {
+UUV_STEP_INLINE void lane_integrate(const uuv_lane_component *c, V *b, const V *const *p,
+                                    uint32_t count, V begin, V length, uint32_t n_pieces,
+                                    V *scratch) {
     if (c->n_x == 0) return;
     const uint32_t n = count * c->n_x;
     V *x0 = scratch + count * c->n_held, *k1 = x0 + n, *k2 = k1 + n, *k3 = k2 + n, *k4 = k3 + n;
     const V h = length / uuv_const((uuv_real)n_pieces);
     const V half = uuv_const(0.5) * h, sixth = h / uuv_const(6), two = uuv_const(2);
-    for (uint32_t j = 0; j < count; j++) c->held(b + j * c->n_block, scratch + j * c->n_held);
+    for (uint32_t j = 0; j < count; j++) 
+        c->held(b + j * c->n_block, p[j], scratch + j * c->n_held);
     for (uint32_t piece = 0; piece < n_pieces; piece++) {
         const V t = begin + uuv_const((uuv_real)piece) * h;
         for (uint32_t j = 0; j < count; j++)
             for (uint32_t i = 0; i < c->n_x; i++)
                 x0[j * c->n_x + i] = b[j * c->n_block + c->off_x + i];
-        lane_derivatives(c, b, count, t, scratch, k1);
+        lane_derivatives(c, b, p, count, t, scratch, k1);
         lane_advance_states(c, b, count, half, x0, k1);
-        lane_derivatives(c, b, count, t + half, scratch, k2);
+        lane_derivatives(c, b, p, count, t + half, scratch, k2);
         lane_advance_states(c, b, count, half, x0, k2);
-        lane_derivatives(c, b, count, t + half, scratch, k3);
+        lane_derivatives(c, b, p, count, t + half, scratch, k3);
         lane_advance_states(c, b, count, h, x0, k3);
-        lane_derivatives(c, b, count, t + h, scratch, k4);
+        lane_derivatives(c, b, p, count, t + h, scratch, k4);
         for (uint32_t i = 0; i < n; i++) k1[i] = k1[i] + two * k2[i] + two * k3[i] + k4[i];
         lane_advance_states(c, b, count, sixth, x0, k1);
     }
 }
 
 UUV_STEP_INLINE void lane_sample(const uuv_lane_component *c, const uuv_lane_clock *clock, V *b,
-                                 uuv_mask due, uuv_words sample, V t, V *draws) {
+                                 const V *p, uuv_mask due, uuv_words sample, V t, V *draws) {
     b[0] = t;
     if (clock->n_draws) lane_draw(b + c->off_seed, clock, sample, draws);
-    clock->update(b, draws, due);
+    clock->update(b, p, draws, due);
 }
 
-static void stepper_sample(V *b, uint32_t clock, uuv_mask due, uuv_words sample, V t, V *scratch) {
+static void stepper_sample(V *b, const V *p, uint32_t clock, uuv_mask due, uuv_words sample, V t,
+                           V *scratch) {
     const uuv_lane_component *c = &the_component;
     for (uint32_t i = 0; i < c->n_clocks; i++)
-        if (i == clock) lane_sample(c, &c->clocks[i], b, due, sample, t, scratch);
+        if (i == clock) lane_sample(c, &c->clocks[i], b, p, due, sample, t, scratch);
 }
 
-static void stepper_integrate(V *b, V t, V length, uint32_t n_pieces, V *scratch) {
-    lane_integrate(&the_component, b, 1, t, length, n_pieces, scratch);
+static void stepper_integrate(V *b, const V *p, V t, V length, uint32_t n_pieces, V *scratch) {
+    lane_integrate(&the_component, b, &p, 1, t, length, n_pieces, scratch);
+}
+
+/* The block that has the parameters of b; the next block's cells of the component are fetched. */
+UUV_STEP_INLINE const V *lane_parameters(const uuv_lane_component *c, const V *cells, const V *b,
+                                         const uuv_lane_sources *at) {
+    const int is_own = lane_is_own(cells, b, at);
+    if (at->to_next) {
+        const V *next = b + at->to_next;
+        lane_prefetch(next, is_own ? c->n_block : c->off_parameters);
+        if (!is_own) lane_prefetch(next + c->off_x, c->n_block - c->off_x);
+    }
+    return is_own ? b : b + at->to_first;
 }
 
 static void stepper_do_step(V *cells, V *b, uint32_t n_pieces, const uint8_t *periods,
-                            uint32_t n_periods, const uuv_lane_time *now, V *scratch) {
+                            uint32_t n_periods, const uuv_lane_time *now,
+                            const uuv_lane_sources *at, V *scratch) {
     const uuv_lane_component *c = &the_component;
+    const V *p = lane_parameters(c, cells, b, at);
     for (uint32_t i = 0; i < c->n_clocks; i++) {
         const uuv_mask due = uuv_mask_of_words(lane_phase_is(cells, periods[i], 0));
         if (!uuv_any(due)) continue;
         const uuv_words sample = *lane_words(cells, WORD_PHASES + n_periods + periods[i]);
-        lane_sample(c, &c->clocks[i], b, due, sample, now->t, scratch);
+        lane_sample(c, &c->clocks[i], b, p, due, sample, now->t, scratch);
     }
-    lane_integrate(c, b, 1, now->t, now->length, n_pieces, scratch);
+    lane_integrate(c, b, &p, 1, now->t, now->length, n_pieces, scratch);
     b[0] = now->end;
-    c->outputs_of_step(b, scratch, b + c->off_y);
+    c->outputs_of_step(b, p, scratch, b + c->off_y);
     lane_check(cells, b, c->off_x, c->n_block);
 }
 
 static void stepper_do_step_together(V *cells, V *b, uint32_t count, uint32_t n_pieces,
-                                     const uuv_lane_time *now, V *scratch) {
+                                     const uuv_lane_time *now, const uuv_lane_sources *at,
+                                     V *scratch) {
     const uuv_lane_component *c = &the_component;
+    const V *p[count];
     V sum = uuv_const(0);
-    lane_integrate(c, b, count, now->t, now->length, n_pieces, scratch);
+    for (uint32_t j = 0; j < count; j++) p[j] = lane_parameters(c, cells, b + j * c->n_block, at);
+    lane_integrate(c, b, p, count, now->t, now->length, n_pieces, scratch);
     for (uint32_t j = 0; j < count; j++) {
         V *own = b + j * c->n_block;
         own[0] = now->end;
-        c->outputs_of_step(own, scratch + j * c->n_held, own + c->off_y);
+        c->outputs_of_step(own, p[j], scratch + j * c->n_held, own + c->off_y);
         for (uint32_t i = c->off_x; i < c->n_block; i++) sum += own[i] - own[i];
     }
     if (__builtin_expect(uuv_any(uuv_mask_nan(sum)), 0))

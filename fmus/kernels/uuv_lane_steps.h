@@ -35,6 +35,11 @@ static inline uuv_lane_time lane_time(V *cells, uint64_t after, uint64_t ticks, 
     return now;
 }
 
+/* Whether the parameters of the component at b are read in its own block. */
+static inline int lane_is_own(const V *cells, const V *b, const uuv_lane_sources *at) {
+    return !at->is_own || at->is_own[b - cells];
+}
+
 /* Ticks since the last sample of period j are 0: it is due. */
 static inline uuv_words lane_phase_is(V *cells, uint32_t j, uint64_t ticks) {
     return uuv_words_equal(*lane_words(cells, WORD_PHASES + j), ticks);

@@ -164,7 +164,7 @@ UUV_EXPORT int32_t uuv_do_step(uuv_instance *s, double t, double h) {
     for (uint32_t i = 0; i < N_FREE; i++) w->m[free_inputs[i].cell] = s->b[free_inputs[i].b];
     if (s->dirty) copy_tunables(w);
     s->dirty = 0;
-    if (n > 0 && uuv_kernel_step(w->m, 0, 1, (uint64_t)n)) note_failure(w);
+    if (n > 0 && uuv_kernel_step(w->m, 0, 0, 1, (uint64_t)n)) note_failure(w);
     copy_outputs(w);
     s->b[0] = t + h;
     return 0;

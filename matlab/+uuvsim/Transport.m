@@ -71,7 +71,7 @@ classdef Transport < handle
         self.lost();
       end
       self.rest(sizes);  % a header is an error, and is raised
-      error('uuvsim:protocol', 'uuvsim: a header came where a compact step was due; reconnect.');
+      error('uuvsim:protocol', 'uuvsim: a header arrived instead of a compact step; reconnect.');
     end
 
     function close(self)

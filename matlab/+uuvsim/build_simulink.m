@@ -25,7 +25,7 @@ function model = build_simulink(fmus, varargin)
     options.(varargin{k}) = varargin{k + 1};
   end
   if isempty(which('new_system'))
-    error('uuvsim:matlab_only', 'uuvsim: Simulink is not here; build_simulink needs it.');
+    error('uuvsim:matlab_only', 'uuvsim: Simulink is not installed; build_simulink needs it.');
   end
   fmus = cellstr(fmus);
   parts = cellfun(@uuvsim.read_fmu, fmus, 'UniformOutput', false);

@@ -32,7 +32,7 @@ function value = numbers_of(name, value, info)
   if isinteger(value) && ~isempty(kind)
     exact = cast(value, kind);
     if ~isequal(cast(exact, class(value)), value)
-      error('uuvsim:InputInvalid', 'uuvsim: %s: an integer was given that no %s holds.', ...
+      error('uuvsim:InputInvalid', 'uuvsim: %s: an integer was given that does not fit %s.', ...
             name, info.type);
     end
     value = exact;

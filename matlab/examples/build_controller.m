@@ -10,7 +10,7 @@ function model = build_controller(design, name)
     name = 'hold_controller';
   end
   if isempty(which('new_system'))
-    error('uuvsim:matlab_only', 'uuvsim: Simulink is not here; build_controller needs it.');
+    error('uuvsim:matlab_only', 'uuvsim: Simulink is not installed; build_controller needs it.');
   end
   model = name;
   new_system(model);

@@ -2,6 +2,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "fast_path.h"
 #include "iterate.h"
 
 slot_class class_of(int type) {
@@ -11,7 +12,6 @@ slot_class class_of(int type) {
     return type == UUV_CORE_BOOLEAN ? CLASS_BOOLEAN : CLASS_BLOB;
 }
 
-/* Makes room for one more item at the end of an array; gives it zeroed, or NULL. */
 void *append(void **items, uint32_t *n, size_t size) {
     void *grown = realloc(*items, (*n + 1) * size);
     if (!grown) return NULL;
@@ -27,11 +27,17 @@ UUV_CORE_API uuv_core *uuv_core_new(uint32_t n_members, uint32_t n_slots, uint64
     core->num = num;
     core->den = den;
     core->members = calloc(n_members + 1, sizeof *core->members);
-    core->slots = calloc(n_slots + 1, sizeof *core->slots);
-    core->fresh = calloc(n_slots + 1, sizeof *core->fresh);
+    core->slots = calloc(2 * (size_t)n_slots + 1, sizeof *core->slots);
+    core->fresh = core->slots + n_slots;
     core->classes = calloc(n_slots + 1, 1);
     core->turns = calloc(n_slots + 1, sizeof *core->turns);
-    if (core->members && core->slots && core->fresh && core->classes && core->turns) return core;
+    core->instances = calloc(n_members + 1, sizeof *core->instances);
+    core->low = calloc(n_slots + 1, sizeof *core->low);
+    core->high = calloc(n_slots + 1, sizeof *core->high);
+    core->segments = calloc(n_members + 1, sizeof *core->segments);
+    if (core->members && core->slots && core->classes && core->turns && core->instances &&
+        core->low && core->high && core->segments)
+        return core;
     uuv_core_free(core);
     return NULL;
 }
@@ -63,6 +69,8 @@ UUV_CORE_API void uuv_core_free(uuv_core *core) {
         free_accesses(core->members[i].gets, core->members[i].n_gets);
         for (uint32_t k = 0; k < core->members[i].n_transfers; k++) free(core->members[i].transfers[k].pairs);
         free(core->members[i].transfers);
+        free(core->members[i].values.offsets);
+        free_values(&core->members[i]);
         free_faults(&core->members[i]);
     }
     free_groups(core);
@@ -74,10 +82,17 @@ UUV_CORE_API void uuv_core_free(uuv_core *core) {
     free(r->last_text);
     free(core->members);
     free(core->slots);
-    free(core->fresh);
     free(core->classes);
     free(core->turns);
+    free(core->instances);
+    free(core->low);
+    free(core->high);
+    free(core->segments);
     free(core->couplings);
+    free(core->spans);
+    free(core->singles);
+    free(core->most);
+    free(core->coupling_of);
     free(core->largest);
     free(core);
 }
@@ -89,7 +104,7 @@ UUV_CORE_API int uuv_core_member(uuv_core *core, uint32_t i, int which, void *in
                                          &kind_shared};
     member *m = &core->members[i];
     m->kind = kinds[which - UUV_CORE_NATIVE];
-    m->instance = instance;
+    m->instance = core->instances[i] = instance;
     m->do_step = do_step;
     m->get = get;
     m->kept = kept;
@@ -148,6 +163,24 @@ UUV_CORE_API int uuv_core_access(uuv_core *core, uint32_t i, int action, int typ
         if (references[k] != references[0] + k) a->consecutive = 0;
     memset(core->classes + slot, a->class, n_values);
     return a->class != CLASS_BLOB || make_blobs(core, slot, n_values);
+}
+
+UUV_CORE_API int uuv_core_in_place(uuv_core *core, uint32_t i, uuv_values_function *find,
+                                   uuv_steps_function *steps, const uint32_t *offsets, const double *low, const double *high) {
+    member *m = &core->members[i];
+    in_place *v = &m->values;
+    for (uint32_t k = 0; k < m->n_sets; k++) v->n_in += m->sets[k].n_values;
+    for (uint32_t k = 0; k < m->n_gets; k++) v->n_out += m->gets[k].n_values;
+    v->first_in = m->n_sets ? m->sets->slot : 0;
+    v->first_out = m->n_gets ? m->gets->slot : 0;
+    v->find = find;
+    v->steps = steps;
+    v->offsets = malloc((v->n_in + v->n_out + 1) * sizeof *offsets);
+    if (!v->offsets) return 0;
+    memcpy(v->offsets, offsets, (v->n_in + v->n_out) * sizeof *offsets);
+    memcpy(core->low + v->first_in, low, v->n_in * sizeof *low);
+    memcpy(core->high + v->first_in, high, v->n_in * sizeof *high);
+    return 1;
 }
 
 /* A transfer that continues the one before it becomes part of that. */

@@ -10,30 +10,36 @@
 int find_couplings(uuv_core *core);
 /* Forgets the residuals of an earlier run. */
 void clear_couplings(uuv_core *core);
-/* Notes a larger residual of element k; an angle that passes +-pi has not jumped. */
-void note_residual(uuv_core *core, coupling *c, uint32_t k, double residual);
+/* Notes the values of a span whose residuals are larger than those before; an angle that passes
+ * +-pi has not jumped. */
+void note_residuals(uuv_core *core, const span *s);
 
-/* Looks at the connections of all whose step ended at the communication point that is reached;
- * with `every`, that is all. An output that no step has produced yet may be a mere start value, as
- * that of a sensor before its first sample: what it fed does not count. */
-static inline void measure_couplings(uuv_core *core, int every) {
+static inline void measure_span(uuv_core *core, const span *s, int converted) {
+    if (core->tick < s->since || (s->to != UINT32_MAX && core->members[s->to].due != core->tick)) return;
+    const uuv_slot *const source = core->slots + s->source, *const target = core->slots + s->target;
+    const double *const most = core->most + s->first;
+    int larger = 0;
+    if (converted)
+        for (uint32_t k = 0; k < s->count; k++)
+            larger |= fabs(s->factor * source[k].f + s->offset - target[k].f) > most[k];
+    else
+        for (uint32_t k = 0; k < s->count; k++) larger |= fabs(source[k].f - target[k].f) > most[k];
+    if (larger) note_residuals(core, s);
+}
+
+/* Looks at the connections of all whose step ended at the communication point that is reached. An
+ * output that no step has produced yet may be a mere start value, as that of a sensor before its
+ * first sample: what it fed does not count. */
+static inline void measure_couplings(uuv_core *core) {
     const uuv_slot *const slots = core->slots;
-    coupling *c = core->couplings, *const plain = c + core->n_plain, *const end = c + core->n_couplings;
-    for (; c < plain; c++) {
-        if (core->tick < c->since || (!every && core->members[c->to].due != core->tick)) continue;
-        for (uint32_t k = 0; k < c->count; k++) {
-            const double residual = fabs(slots[c->source + k].f - slots[c->target + k].f);
-            if (residual > c->most) note_residual(core, c, k, residual);
-        }
-    }
-    for (; c < end; c++) {
-        if (core->tick < c->since || (!every && core->members[c->to].due != core->tick)) continue;
-        for (uint32_t k = 0; k < c->count; k++) {
-            const double due = c->factor * slots[c->source + k].f + c->offset;
-            const double residual = fabs(due - slots[c->target + k].f);
-            if (residual > c->most) note_residual(core, c, k, residual);
-        }
-    }
+    const span *const first = core->spans, *const shorts = first + core->n_long, *const plain = first + core->n_plain;
+    for (const span *s = first; s < shorts; s++) measure_span(core, s, 0);
+    for (const span *s = plain; s < first + core->n_spans; s++) measure_span(core, s, 1);
+    if (shorts == plain || core->tick < shorts->since) return;
+    int larger = 0;
+    for (const single *v = core->singles, *const end = v + core->n_singles; v < end; v++)
+        larger |= fabs(slots[v->source].f - slots[v->target].f) > core->most[v->value];
+    for (const span *s = shorts; larger && s < plain; s++) note_residuals(core, s);
 }
 
 #endif

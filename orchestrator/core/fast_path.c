@@ -1,5 +1,9 @@
-/* The choice of the members that have a fast path; see fast_path.h. */
+/* The choice of the members that have a fast path, and of their segments; see fast_path.h. */
 #include "fast_path.h"
+
+#include <float.h>
+#include <stdlib.h>
+#include <string.h>
 
 static int has_fast_path(const member *m) {
     if ((m->kind != &kind_fmi2 && m->kind != &kind_fmi3) || m->sequential || m->group) return 0;
@@ -11,20 +15,84 @@ static int has_fast_path(const member *m) {
     return 1;
 }
 
-static int in_lockstep(const uuv_core *core) {
-    for (const member *m = core->members; m < core->members + core->n_members; m++)
-        if (!m->fast.version || m->fast.version != core->members->fast.version ||
-            m->step_ticks != 1)
-            return 0;
+/* Adds a value to the last part if it continues that, else a new part; 0: no memory. */
+static int add_value(const uuv_core *core, part **parts, uint32_t *n, uint32_t slot, uint32_t offset) {
+    part *last = *n ? &(*parts)[*n - 1] : NULL;
+    if (last && last->class == core->classes[slot] && last->slot + last->count == slot &&
+        last->offset + last->count == offset) {
+        last->count++;
+        return 1;
+    }
+    part *next = append((void **)parts, n, sizeof *next);
+    if (next) *next = (part){slot, offset, 1, core->classes[slot]};
+    return next != NULL;
+}
+
+/* Copies of floating-point numbers go straight to the component; others by way of their slots. */
+static int add_copies(const uuv_core *core, member *m, uint8_t *is_copied) {
+    in_place *v = &m->values;
+    for (uint32_t i = 0; i < m->n_transfers; i++) {
+        transfer *t = &m->transfers[i];
+        const uint32_t source = t->source + (t->early ? core->n_slots : 0);
+        t->in_place = t->copy && t->target_class == CLASS_FLOAT;
+        for (uint32_t k = 0; t->in_place && k < t->count; k++) {
+            const uint32_t slot = t->target + k;
+            copied *next = append((void **)&v->copies, &v->n_copies, sizeof *next);
+            if (!next) return 0;
+            *next = (copied){source + k, slot, v->offsets[slot - v->first_in]};
+            is_copied[slot - v->first_in] = 1;
+            if (core->low[slot] == -DBL_MAX && core->high[slot] == DBL_MAX) continue;
+            uint32_t *bounded = append((void **)&v->bounded, &v->n_bounded, sizeof *bounded);
+            if (!bounded) return 0;
+            *bounded = slot;
+        }
+    }
+    for (uint32_t i = 0; i < v->n_in; i++)
+        if (!is_copied[i] && !add_value(core, &v->writes, &v->n_writes, v->first_in + i, v->offsets[i])) return 0;
+    for (uint32_t i = 0; i < v->n_out; i++)
+        if (!add_value(core, &v->reads, &v->n_reads, v->first_out + i, v->offsets[v->n_in + i])) return 0;
     return 1;
 }
 
-void find_fast_paths(uuv_core *core) {
+void free_values(member *m) {
+    in_place *v = &m->values;
+    free(v->copies), free(v->writes), free(v->reads), free(v->bounded);
+    v->copies = NULL;
+    v->writes = v->reads = NULL;
+    v->bounded = NULL;
+    v->n_copies = v->n_writes = v->n_reads = v->n_bounded = 0;
+}
+
+static int find_values(const uuv_core *core, member *m) {
+    in_place *v = &m->values;
+    uint8_t *is_copied = calloc(v->n_in + 1, 1);
+    free_values(m);
+    const int done = is_copied && add_copies(core, m, is_copied);
+    free(is_copied);
+    find_block(m);
+    return done;
+}
+
+void find_block(member *m) {
+    in_place *v = &m->values;
+    uuv_instance *s = m->instance;
+    if (v->find)
+        v->find(m->instance, &v->at);
+    else
+        v->at = (uuv_values){s->b, &s->dirty, &s->outputs_stale};
+}
+
+int find_fast_paths(uuv_core *core) {
     for (member *m = core->members; m < core->members + core->n_members; m++) {
         fast_path *s = &m->fast;
         *s = (fast_path){0};
+        if (m->values.offsets && !m->group) {
+            if (!find_values(core, m)) return failed(&core->why, UUV_CORE_NO_MEMORY, 0, UUV_CORE_GET);
+            s->how = IN_PLACE;
+            continue;
+        }
         if (!has_fast_path(m)) continue;
-        s->version = m->kind == &kind_fmi2 ? 2 : 3;
+        s->how = m->kind == &kind_fmi2 ? FMI2 : FMI3;
         if (m->n_sets) {
             s->set = m->sets->function;
             s->set_references = m->sets->references;
@@ -42,19 +110,24 @@ void find_fast_paths(uuv_core *core) {
             s->get_slot = m->gets->slot;
         }
     }
-    core->lockstep = in_lockstep(core);
+    return 1;
 }
 
-static inline member *tick_of(uuv_core *core, double t, const uint32_t version) {
-    member *const end = core->members + core->n_members;
-    for (member *m = core->members; m < end; m++)
-        if (!fast_do(core, m, t, version)) return m;
-    core->tick++;
-    for (member *m = core->members; m < end; m++)
-        if (!fast_read(core, m, version)) return m;
-    return NULL;
-}
-
-member *lockstep(uuv_core *core, double t) {
-    return core->members->fast.version == 2 ? tick_of(core, t, 2) : tick_of(core, t, 3);
+void find_segments(uuv_core *core) {
+    segment *s = core->segments - 1;
+    core->n_faulty = 0;
+    for (member *m = core->members; m < core->members + core->n_members; m++) {
+        const int plain = m->step_ticks == 1 && m->due == core->tick && !m->n_faults;
+        core->n_faulty += m->n_faults != 0;
+        const uint32_t how = plain ? m->fast.how : GENERAL;
+        if (m == core->members || s->how != how) *++s = (segment){m, m, how};
+        s->end = m + 1;
+    }
+    for (uint32_t i = core->n_members; i--;) { /* equal members that wait for none of each other */
+        member *const m = core->members + i, *const next = m + 1;
+        const int joins = i + 1 < core->n_members && next->values.steps == m->values.steps &&
+                          !m->sequential && !next->sequential;
+        m->values.together = joins ? 1 + next->values.together : 1;
+    }
+    core->n_segments = (uint32_t)(s + 1 - core->segments);
 }

@@ -30,9 +30,17 @@ UUV_CORE_API void uuv_core_set_tick(uuv_core *core, uint64_t tick) {
 /* What was kept of the old instance went with it. */
 UUV_CORE_API void uuv_core_instance(uuv_core *core, uint32_t member_, void *instance,
                                     int32_t *kept) {
-    core->members[member_].instance = instance;
-    core->members[member_].kept = kept;
-    core->members[member_].state = NULL;
+    member *m = &core->members[member_];
+    m->instance = core->instances[member_] = instance;
+    m->kept = kept;
+    m->state = NULL;
+    if (m->values.offsets) find_block(m);
+}
+
+UUV_CORE_API int uuv_core_any(const uint32_t *const *counts, uint32_t n) {
+    uint32_t any = 0;
+    for (uint32_t i = 0; i < n; i++) any |= *counts[i];
+    return any != 0;
 }
 
 UUV_CORE_API uuv_slot *uuv_core_slots(uuv_core *core) { return core->slots; }

@@ -110,36 +110,43 @@ static int32_t stop(uuv_core *core, const member *m) {
     return core->why.outcome;
 }
 
+/* Steps the members of a segment that are due; gives the one that failed. */
+static member *step_segment(uuv_core *core, const segment *s, double t) {
+    switch (s->how) {
+    case IN_PLACE: return do_segment(core, s, t, IN_PLACE);
+    case FMI2: return do_segment(core, s, t, FMI2);
+    case FMI3: return do_segment(core, s, t, FMI3);
+    default:
+        for (member *m = s->first; m < s->end; m++)
+            if (m->due == core->tick && !step(core, &m, t)) return m;
+        return NULL;
+    }
+}
+
+/* Shows what the members of a segment give at this communication point; gives the one that failed. */
+static member *show(uuv_core *core, const segment *s) {
+    switch (s->how) {
+    case IN_PLACE: return show_segment(core, s, IN_PLACE);
+    case FMI2: return show_segment(core, s, FMI2);
+    case FMI3: return show_segment(core, s, FMI3);
+    default:
+        for (member *m = s->first; m < s->end; m++)
+            if (m->due == core->tick && !show_outputs(core, m)) return m;
+        return NULL;
+    }
+}
+
 /* Steps all that are due, and shows what they give at the next communication point; gives the one
  * that failed. */
 static member *step_due(uuv_core *core, double t) {
-    member *const end = core->members + core->n_members;
-    const uint64_t now = core->tick, next = now + 1;
-    for (member *m = core->members; m < end; m++)
-        if (m->due == now && !(m->fast.version ? fast_step(core, m, t) : step(core, &m, t)))
-            return m;
-    member *failed_one = core->n_stepping ? collect_steps(core) : NULL;
-    if (failed_one) return failed_one;
-    core->tick = next;
-    for (member *m = core->members; m < end; m++)
-        if (m->due == next && !(m->fast.version ? fast_show(core, m) : show_outputs(core, m)))
-            return m;
-    return NULL;
-}
-
-/* Says whether nothing can happen but one plain step of each member at each tick. */
-static int is_lockstep(const uuv_core *core) {
-    if (!core->lockstep) return 0;
-    for (const member *m = core->members; m < core->members + core->n_members; m++)
-        if (m->n_faults || m->due != core->tick) return 0;
-    return 1;
-}
-
-/* After a lockstep, says of each member where it stands: those before `culprit` are a step ahead
- * of it, unless it failed at showing its outputs. */
-static void settle(uuv_core *core, const member *culprit, uint64_t before) {
-    for (member *m = core->members; m < core->members + core->n_members; m++)
-        m->due = core->tick + (culprit && core->tick == before && m < culprit);
+    const segment *const end = core->segments + core->n_segments;
+    member *culprit = NULL;
+    for (const segment *s = core->segments; !culprit && s < end; s++) culprit = step_segment(core, s, t);
+    if (!culprit && core->n_stepping) culprit = collect_steps(core);
+    if (culprit) return culprit;
+    core->tick++;
+    for (const segment *s = core->segments; !culprit && s < end; s++) culprit = show(core, s);
+    return culprit;
 }
 
 /* Makes communication steps; the members stand in stepping order. Outputs are read only at the
@@ -148,21 +155,18 @@ static void settle(uuv_core *core, const member *culprit, uint64_t before) {
  * which step when their first member is due. */
 UUV_CORE_API int32_t uuv_core_run(uuv_core *core, uint64_t n_ticks, double seconds) {
     const uint64_t last = core->tick + n_ticks;
-    const int plain = is_lockstep(core);
-    uint64_t now = core->tick;
     member *culprit = NULL;
     budget wall = budget_of(seconds);
     if (!find_couplings(core)) return stop(core, core->members);
+    find_segments(core);
     enter(core);
-    while (now < last && !record_is_full(core) && !budget_is_spent(&wall)) {
-        const double t = seconds_at(core, now);
-        culprit = plain ? lockstep(core, t) : step_due(core, t);
-        if (!culprit) measure_couplings(core, plain);
-        if (!culprit && !record_row(core)) culprit = core->members;
+    while (core->tick < last && !record_is_full(core) && !budget_is_spent(&wall)) {
+        culprit = step_due(core, seconds_at(core, core->tick));
         if (culprit) break;
-        now = core->tick;
+        measure_couplings(core);
+        if (!record_row(core)) culprit = core->members;
+        if (culprit) break;
     }
-    if (plain) settle(core, culprit, now);
     leave(core);
     return culprit ? stop(core, culprit) : UUV_CORE_GOOD;
 }
@@ -170,8 +174,7 @@ UUV_CORE_API int32_t uuv_core_run(uuv_core *core, uint64_t n_ticks, double secon
 static int32_t begin(uuv_core *core, uint64_t tick) {
     core->tick = tick;
     core->record.next = tick;
-    find_fast_paths(core);
-    if (!find_couplings(core)) return stop(core, core->members);
+    if (!find_fast_paths(core) || !find_couplings(core)) return stop(core, core->members);
     clear_couplings(core);
     for (member *m = core->members; m < core->members + core->n_members; m++) {
         m->due = tick;

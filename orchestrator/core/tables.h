@@ -2,6 +2,7 @@
 #ifndef UUV_CORE_TABLES_H
 #define UUV_CORE_TABLES_H
 
+#include "uuv_component.h"
 #include "uuv_core.h"
 #include "uuv_guard.h"
 
@@ -23,19 +24,29 @@ typedef struct {
 /* `count` slots from a member's outputs to another's inputs. */
 typedef struct {
     uint32_t from, source, target, count;
-    uint8_t early, copy, source_class, target_class;
+    uint8_t early, copy, in_place, source_class, target_class;
     double factor, offset;
     int64_t *pairs; /* a table instead: the source's value, the target's, and so on */
     uint32_t n_pairs;
 } transfer;
 
-/* A delayed connection of floating-point numbers (coupling.h). */
+/* A delayed connection of floating-point numbers (coupling.h): its values from `first` on. */
 typedef struct {
-    uint32_t source, target, count, to; /* slots, and the member that it feeds */
-    uint64_t delay, since; /* ticks of a step of both ends; from when on it is measured */
-    double most;           /* the largest residual so far */
-    double factor, offset;
+    uint32_t source, target, count, first; /* slots, and the place of its first value in `most` */
 } coupling;
+
+/* Values of delayed connections that are measured together: their slots follow each other. */
+typedef struct {
+    uint32_t source, target, count, first;
+    uint32_t to; /* the member that they feed, if it does not step at each tick; else UINT32_MAX */
+    uint64_t delay, since; /* ticks of a step of both ends; from when on it is measured */
+    double factor, offset;
+} span;
+
+/* A value of a short span whose ends step at each tick, and its place in `most`. */
+typedef struct {
+    uint32_t source, target, value;
+} single;
 
 typedef struct member member;
 typedef struct fault fault;
@@ -52,9 +63,44 @@ typedef struct {
 
 extern const kind kind_native, kind_fmi2, kind_fmi3, kind_callback, kind_shared;
 
+/* A floating-point number that goes from one slot to another, and from there to a component's block. */
+typedef struct {
+    uint32_t source, slot, offset;
+} copied;
+
+/* Values of one type that follow each other, in slots and in a component's block. */
+typedef struct {
+    uint32_t slot, offset, count;
+    uint8_t class;
+} part;
+
+/* The values of a component that this package compiled: the loop reads and writes them in place,
+ * where offsets are those of its block (uuv_component.h). */
+typedef struct {
+    uuv_values_function *find; /* of an FMU; NULL: the instance is a `uuv_instance` */
+    uuv_steps_function *steps;
+    uint32_t together; /* members from this one on that are stepped in one call */
+    uuv_values at;
+    uint32_t *offsets; /* of the inputs that are set, then of the outputs that are read */
+    uint32_t first_in, n_in, first_out, n_out;
+    copied *copies;      /* inputs from outputs; a source that is seen early is in `fresh` */
+    part *writes, *reads; /* inputs from their slots only, and outputs */
+    uint32_t *bounded;   /* slots of copies with bounds */
+    uint32_t n_copies, n_writes, n_reads, n_bounded;
+} in_place;
+
+/* How a member is called in a segment: by its kind, in place, or by two FMI functions. */
+enum { GENERAL = 0, IN_PLACE = 1, FMI2 = 2, FMI3 = 3 };
+
+/* Members that follow each other and are called in the same way. */
+typedef struct {
+    member *first, *end;
+    uint32_t how;
+} segment;
+
 /* The fast path of a member (fast_path.h): its one setter and its one getter. */
 typedef struct {
-    uint32_t version; /* of FMI: 2 or 3; 0: the member is none of these */
+    uint32_t how;
     uint32_t alone, alone_source; /* the setter's one value comes from that slot */
     uint32_t set_slot, n_set, n_set_references, get_slot, n_get, n_get_references;
     void *set, *get;
@@ -81,6 +127,7 @@ struct member { /* what every step reads comes first */
     void *get_state, *set_state, *free_state; /* see uuv_core_state */
     size_t state_size;
     void *state;
+    in_place values;
     const char *name; /* the component's path; the caller's */
     uuv_frame *at;    /* of the core: what is being called */
 };
@@ -114,17 +161,25 @@ struct uuv_core {
     member *members;
     uint32_t n_members, n_slots;
     uint64_t num, den, tick;
-    uuv_slot *slots, *fresh;
+    uuv_slot *slots, *fresh; /* one array: fresh begins where slots end */
     uint8_t *classes;
     double *turns; /* of a slot that holds an angle: a full turn in its unit; else 0 */
     struct iteration *groups; /* the iterated ones */
     uint32_t n_groups;
     coupling *couplings; /* by the member that they feed; NULL until the tables are complete */
     uuv_coupling *largest; /* of each, what was measured */
+    double *most;          /* of each value, the largest residual of its connection */
+    uint32_t *coupling_of; /* of each value, its connection */
+    span *spans;
+    single *singles;
     int unmeasured;
-    uint32_t n_couplings, n_plain; /* the first have factor 1 and offset 0 */
+    /* The first spans have factor 1 and offset 0; of these, the last are measured by their singles. */
+    uint32_t n_couplings, n_spans, n_plain, n_long, n_singles;
     uint32_t n_stepping; /* members whose steps have been posted */
-    int lockstep; /* every member has a fast path, of one FMI version, and steps at each tick */
+    void **instances; /* of the members */
+    double *low, *high; /* of an input slot of a component that is written in place: its bounds */
+    segment *segments;
+    uint32_t n_segments, n_faulty; /* members with faults */
     int iterating; /* inputs inside an iterated group come from the trial's outputs */
     recording record;
     uuv_failure why;
@@ -145,11 +200,15 @@ const char *type_name(int type, int version); /* as FMI spells it in its functio
 void apply_faults(const uuv_core *core, member *m, uuv_slot *slots);
 void free_faults(member *m);
 int blob_assign(uuv_blob *blob, const char *data, size_t size);
+void find_block(member *m); /* of a component that is read and written in place */
 int read_outputs(uuv_core *core, member *m);
+int carry(uuv_core *core, const transfer *t);
 int transfer_inputs(uuv_core *core, member *target);
 int failed(uuv_failure *why, int outcome, int status, int action);
 /* FMI's noSetFMUStatePriorToCurrentPoint. */
 static inline int never_goes_back(const member *m) { return !m->kept || !*m->kept; }
+/* Makes room for one more item at the end of an array; gives it zeroed, or NULL. */
+void *append(void **items, uint32_t *n, size_t size);
 int all_finite(const uuv_slot *slots, uint32_t n, uint32_t *which);
 
 #endif

@@ -64,7 +64,7 @@ static int convert(const transfer *t, uuv_slot from, uuv_slot *to) {
     return 1;
 }
 
-static int carry(uuv_core *core, const transfer *t) {
+int carry(uuv_core *core, const transfer *t) {
     const member *from = &core->members[t->from];
     const int stepped = t->early == 2 ? core->iterating
                                       : t->early && from->due == core->tick + from->step_ticks;

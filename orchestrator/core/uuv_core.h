@@ -98,6 +98,17 @@ UUV_CORE_API void uuv_core_guard(uuv_core *core, void (*enter)(struct uuv_frame 
 UUV_CORE_API int uuv_core_access(uuv_core *core, uint32_t member, int action, int type,
                                  uint32_t slot, uint32_t n_values, uint32_t n_references,
                                  const uint32_t *references, void *function);
+/* The component was compiled by this package, so that its values are read and written in its block
+ * (uuv_component.h): `find` finds it (NULL: of a native member), `steps` makes a step of several equal
+ * members, `offsets` are those of the inputs and
+ * then the outputs in the order of their slots, `low` and `high` the bounds of the inputs. A value
+ * outside is left to the component's own setter, which refuses it. */
+struct uuv_values;
+UUV_CORE_API int uuv_core_in_place(uuv_core *core, uint32_t member,
+                                   void (*find)(const void *instance, struct uuv_values *values),
+                                   uint32_t (*steps)(void *const *instances, uint32_t n, double t, double h,
+                                                     int32_t *status),
+                                   const uint32_t *offsets, const double *low, const double *high);
 /* `early` 1: the source's new value is seen if it stepped in the same tick (Gauss-Seidel);
  * 2: both are in one iterated group. With `pairs`, the source's value and the target's, each of
  * `n_pairs` times, a value becomes what they say, and no other value may come. */
@@ -172,6 +183,9 @@ UUV_CORE_API int32_t uuv_core_propagate(uuv_core *core, uint64_t tick, uint32_t 
 /* Puts another instance of the same FMU in a member's place. */
 UUV_CORE_API void uuv_core_instance(uuv_core *core, uint32_t member, void *instance,
                                     int32_t *kept);
+
+/* Says whether one of n counts, such as those of components' messages, is not 0. */
+UUV_CORE_API int uuv_core_any(const uint32_t *const *counts, uint32_t n);
 
 /* State of the loop, for snapshots: its clock, all slots but texts, and the states of the native
  * members that `uuv_core_state` knows, as one run of bytes. `fresh` holds values that exist but

@@ -184,7 +184,7 @@ class Reader:
         elif block.language == "matlab":
             self.output = self._in_octave(text, place)
         else:
-            assert block.language in ("text", "{toctree}"), (
+            assert block.language in ("text", "{toctree}", "{gallery}"), (
                 f"{place}: nothing says what a block of language {block.language!r} is for"
             )
 

@@ -6,18 +6,21 @@ import inspect
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import gymnasium
 import pytest
 
 import uuvsim_cosim.envs
+from uuvsim_cosim import errors
+from uuvsim_cosim.commands.shared.common_options import EXAMPLES
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "docs" / "extensions"))
 
 import api
 import commands
 import components
-from environments import SHIPPED, slug
+from environments import SHIPPED, example, slug
 
 assert uuvsim_cosim.envs
 
@@ -37,6 +40,12 @@ def test_a_public_name_and_its_members_have_a_docstring_of_their_own(path: str) 
     assert inspect.getdoc(value), path
     for name, member in api.public_members(value).items():
         assert inspect.getdoc(member), f"{path}.{name}"
+
+
+def test_every_error_that_can_be_raised_is_on_the_page_of_errors() -> None:
+    page = api.pages()["errors.md"]
+    for name in set(errors.__all__) - {"Problem"}:
+        assert f"\n| `{name}` |" in page
 
 
 def test_every_component_of_the_library_has_a_page() -> None:
@@ -80,18 +89,30 @@ def test_every_environment_that_is_registered_has_a_page_and_is_made_by_its_id_a
     subprocess.run([sys.executable, "-c", code], check=True)
 
 
-def test_every_command_has_a_page_with_its_options() -> None:
+@pytest.mark.parametrize("id", SHIPPED)
+def test_the_example_on_the_page_of_an_environment_runs(id: str) -> None:
+    names: dict[str, Any] = {}
+    exec(example(id), names)
+    assert names["observation"].shape == names["env"].observation_space.shape
+    assert names["many"].num_envs == 64
+
+
+def test_every_command_has_a_page_with_its_options_and_examples() -> None:
     pages = commands.pages()
     for path in commands.commands():
         page = pages[f"{path.split()[0]}.md"]
         assert f" uuvsim {path}\n" in page
         assert "`--json`" in page
+        assert EXAMPLES[path], path
+        for line in EXAMPLES[path]:  # tests/commands/shared/test_answer.py parses them
+            assert f"\nuuvsim {line}\n" in page
 
 
 def test_docstrings_become_valid_restructured_text() -> None:
-    lines = ["thrust = K_n |n| n, x_ and *args; `a_b`s", "", "    y = a*b", "", "- one", "- two"]
+    lines = ["thrust = K_n |n| n, x_ and *args; `a_b`s", "", "    y = a*b", "", "- one", "- two",
+             "", "Example:", "", ">>> x_ = *a, |b|", ">>> x_", "    1"]  # fmt: skip
     api.as_rst(None, "function", "f", None, None, lines)
     assert lines == [
         r"thrust = K_n \|n\| n, x\_ and \*args; ``a_b``\s", "", "::", "", "    y = a*b", "",
-        "- one", "- two",
+        "- one", "- two", "", "Example:", "", ">>> x_ = *a, |b|", ">>> x_", "    1",
     ]  # fmt: skip

@@ -1,4 +1,4 @@
-"""What docs/learning/environments.md shows does what the page says."""
+"""What docs/learning/environments.md and teams.md show does what the pages say."""
 
 from __future__ import annotations
 
@@ -12,25 +12,26 @@ from uuvsim_cosim.envs import CosimEnv, CosimVectorEnv, FunctionTask
 from uuvsim_cosim.envs.task.task import Channel
 from uuvsim_cosim.orchestrator.system.system import System
 
-PAGE = (Path(__file__).parents[2] / "docs" / "learning" / "environments.md").read_text()
+PAGES = Path(__file__).parents[2] / "docs" / "learning"
 
 
-def block(note: str) -> str:
-    found = re.search(rf"<!-- {note} -->\n```python\n(.*?)^```$", PAGE, re.M | re.S)
+def block(page: str, note: str) -> str:
+    text = (PAGES / page).read_text(encoding="utf-8")
+    found = re.search(rf"<!-- {note} -->\n```python\n(.*?)^```$", text, re.M | re.S)
     assert found is not None
     return found[1]
 
 
 def test_the_team_of_ones_own_vehicles_runs() -> None:
     names: dict[str, Any] = {"__name__": "page"}
-    exec(block("run"), names)
+    exec(block("teams.md", "run"), names)
     assert names["truncated"] == {"red": True, "blue": True}
     assert names["rewards"]["red"] > names["rewards"]["blue"] > 0
     assert names["observations"]["blue"][1] > names["observations"]["red"][1] == 0
 
 
 def test_a_python_component_draws_from_the_seed_that_the_master_gives(tmp_path: Path) -> None:
-    (tmp_path / "noisy.py").write_text(block("file: noisy.py"))
+    (tmp_path / "noisy.py").write_text(block("environments.md", "file: noisy.py"))
     task = FunctionTask(
         System("noisy", "0.1").add("noisy", f"{tmp_path / 'noisy.py'}:Noisy"),
         actions=[Channel("noisy.x", -1, 1)],

@@ -208,7 +208,9 @@ def test_a_wrong_only_observation_is_one_problem() -> None:
 
 def test_what_is_of_many_is_refused_for_one_and_says_where_it_belongs() -> None:
     for option in ({"threads": 2}, {"dtype": "float32"}, {"processes": 2}):
-        with pytest.raises(InputInvalid, match=r"is of many environments; expected it in make_vec"):
+        with pytest.raises(
+            InputInvalid, match=r"applies to many environments; expected it in make_vec"
+        ):
             gymnasium.make("uuvsim/StationKeeping-v0", **option)
 
 

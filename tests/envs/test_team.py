@@ -231,7 +231,7 @@ def test_a_missing_action_is_refused_by_the_agents_name(make: Make) -> None:
 def test_an_action_for_an_agent_that_is_not_there_is_refused(make: Make) -> None:
     env = make(late=(0.0, 0.9))
     env.reset(seed=1)
-    with pytest.raises(InputInvalid, match="'rov_2', who has ended or has not come yet"):
+    with pytest.raises(InputInvalid, match="'rov_2', which has ended or is not present yet"):
         env.step({"rov_1": np.zeros(1), "rov_2": np.zeros(1)})
 
 

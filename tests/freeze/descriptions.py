@@ -57,7 +57,7 @@ def sources() -> list[str]:
     """
     docs = [
         path
-        for path in ROOT.glob("docs/**/*.md")
+        for path in (*ROOT.glob("docs/**/*.md"), *ROOT.glob("docs/**/*.ipynb"))
         if "_build" not in path.parts and path.parents[1].name != "reference"  # generated
     ]
     pages = [*ROOT.glob("*.md"), *docs, *ROOT.glob("tests/**/*.py")]

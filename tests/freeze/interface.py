@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import inspect
+import json
 import re
 import tomllib
 from collections.abc import Iterator
@@ -89,6 +90,9 @@ def _pages() -> Iterator[str]:
             # Not pages as they were built, generated pages, or the code that generates them.
             if not {"_build", "extensions"} & {*path.parts} and path.parents[1].name != "reference":
                 yield path.read_text(encoding="utf-8")
+    for path in sorted(ROOT.glob("docs/*/*.ipynb")):
+        for cell in json.loads(path.read_text(encoding="utf-8"))["cells"]:
+            yield "".join(cell["source"])
     for folder in ("fmus", "models", "orchestrator", "matlab"):
         yield (ROOT / folder / "README.md").read_text(encoding="utf-8")
     for path in sorted((ROOT / "benchmarks").glob("*.py")):  # what a user copies from it

@@ -11,11 +11,13 @@ from uuvsim_cosim.cache import cache_dir, content_hash, keep
 from uuvsim_cosim.content import content
 from uuvsim_cosim.fmus.codegen.emit_c import emit_function
 from uuvsim_cosim.fmus.codegen.equations import equations
+from uuvsim_cosim.fmus.codegen.held import split
+from uuvsim_cosim.fmus.codegen.lowering import lower
 from uuvsim_cosim.fmus.codegen.runtime import runtime
 from uuvsim_cosim.fmus.codegen.table_data import table_call, table_data
 from uuvsim_cosim.fmus.codegen.toolchain import compile_shared
 from uuvsim_cosim.kernels.batch.memory import aligned
-from uuvsim_cosim.kernels.codegen.declaration import declaration_text, split
+from uuvsim_cosim.kernels.codegen.declaration import declaration_text
 from uuvsim_cosim.kernels.codegen.tables import tables_in_lanes
 from uuvsim_cosim.models.declaration.library import declare
 from uuvsim_cosim.models.intrinsics.breakpoints import buckets
@@ -121,10 +123,12 @@ def as_called(table: Table, dtype: str, width: int, *, runtime: bool) -> ctypes.
 
 
 def shipped_tables() -> list[Table]:
-    for name in ("thruster_t200", "battery", "allocation"):
-        declare(name)
+    # Of these alone: which others were declared in this process depends on the user's cache.
+    models = [lower(declare(name)) for name in ("thruster_t200", "battery", "allocation")]
+    codes = [text for model in models for text in model.files.values()]
     forms = {id(t): t for t in TABLES.values() if uniform_grid(t) or buckets(t)}
-    return [t for t in forms.values() if len(t.x) > 9]
+    used = [t for t in forms.values() if any(t.name in code for code in codes)]
+    return sorted((t for t in used if len(t.x) > 9), key=lambda t: t.name)
 
 
 @pytest.mark.parametrize("table", shipped_tables(), ids=lambda t: t.name)

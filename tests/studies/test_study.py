@@ -209,7 +209,7 @@ def test_a_study_that_cannot_be_read_is_refused_unless_it_restarts(
 def test_a_folder_of_something_else_is_never_touched(hold: System, tmp_path: Path) -> None:
     (tmp_path / "thesis.txt").write_text("years of work")
     for restart in (False, True):
-        with pytest.raises(InputInvalid, match="something else"):
+        with pytest.raises(InputInvalid, match="other files"):
             study(hold).run(tmp_path, restart=restart)
     assert (tmp_path / "thesis.txt").read_text() == "years of work"
 
@@ -298,6 +298,36 @@ def test_what_is_assumed_of_a_system_is_said_once(
     capfd.readouterr()
     done = s.run(tmp_path / "s", jobs=2)
     assert [r for r in done.remarks if "no unit given" in r] == [
-        "tap.flow: no unit given, taken as m/s from tank.flow"
+        "tap.flow: no unit given; m/s is used, that of tank.flow"
     ]
     assert "no unit given" not in capfd.readouterr().err
+
+
+def test_differences_are_paired_run_by_run(hold: System, tmp_path: Path) -> None:
+    a = study(hold).run(tmp_path / "a")
+    b = study(hold.set("hull.eta_0", [0.0, 0.0, 1.5, 0.0, 0.0, 0.0])).run(tmp_path / "b")
+    difference = a.difference(b)
+    paired = np.asarray(a.table()["error"]) - np.asarray(b.table()["error"])
+    first, second = (r for r in difference.rows() if r.metric == "error")
+    assert [first.mean, second.mean] == pytest.approx([paired[:3].mean(), paired[3:].mean()])
+    assert (first.n, first.unit, first.at) == (3, "m", {"hull.v_c[1]": 0.0})
+    assert first.low <= first.mean <= first.high
+    assert "mean difference" in difference.to_latex({"error": "position error"})
+
+
+def test_differences_of_studies_that_are_no_pairs_are_refused(hold: System, tmp_path: Path) -> None:
+    a = study(hold).run(tmp_path / "a")
+    for name, options in {"seed": {"seeds": [3, 4, 7]}, "v_c": {"grid": []}}.items():
+        with pytest.raises(InputInvalid, match=r"differs between their runs"):
+            a.difference(study(hold, **options).run(tmp_path / name))
+    other = study(hold, metrics={"way": "final(hull.eta[3])"}).run(tmp_path / "metric")
+    with pytest.raises(InputInvalid, match="metrics way"):
+        a.difference(other)
+
+
+def test_a_table_for_latex_has_the_chosen_metrics(hold: System, tmp_path: Path) -> None:
+    result = study(hold).run(tmp_path / "s")
+    assert result.to_latex().count("error") == 2
+    assert "force" not in result.to_latex({"error": "position error"})
+    with pytest.raises(InputInvalid, match="'eror'"):
+        result.to_latex({"eror": "position error"})

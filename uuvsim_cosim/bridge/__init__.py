@@ -1,8 +1,10 @@
 """Servers and clients to read, set and step a running co-simulation from other programs.
 
 Transports are Zenoh (`zenoh/`), TCP for MATLAB and Octave (`tcp/`) and HTTP (`http/`); the Python
-clients and remote components are in `clients/`, tokens and users in `access/`. It may import
-`orchestrator`, `fmus`, `models`. Start with `server/conductor.py`, then `zenoh/bridge.py`.
+clients and remote components are in `clients/`, tokens and users in `access/`. `autopilots/` runs
+ArduSub as a component, `mavlink/` makes a system speak like it, `ros2/` publishes and records
+topics of ROS. It may import `orchestrator`, `fmus`, `models`. Start with `server/conductor.py`,
+then `zenoh/bridge.py`.
 """
 
 from __future__ import annotations

@@ -201,7 +201,7 @@ def _answered(address: str) -> None:
         ) from None
     if len(head) < 4 or head[3] != SETTINGS:
         raise InputInvalid(
-            f"--ray {address}: what listens there does not speak as a Ray head does; {EXPECTED}"
+            f"--ray {address}: the server at this address is not a Ray head; {EXPECTED}"
         )
 
 

@@ -1,11 +1,4 @@
-"""Distribution of calls to the machines of a Ray cluster; a call whose worker dies is repeated.
-
->>> with Cluster("10.0.0.7:6379") as cluster:
-...     for number, square in cluster.spread(pow_2, [3, 4, 5]):
-...         print(number, square)  # doctest: +SKIP
-
-The result of a call must depend on its arguments only, so that every machine gives the same result.
-"""
+"""Distribution of calls to the machines of a Ray cluster; a call whose worker dies is repeated."""
 
 from __future__ import annotations
 
@@ -96,12 +89,32 @@ PROBE = 120.0  # [s] for a machine to report its versions
 
 @final
 class Cluster(Closing):
-    """A connection to a Ray cluster; closing it ends its calls.
+    """Connection to a Ray cluster, which distributes calls to its machines; a `with` closes it.
 
     `address` is host:port of the head, ray://host:port (Ray Client), "auto" (the cluster that this
     machine belongs to, or RAY_ADDRESS), or "local" (started here, with `workers` processes, and
     ended afterwards). `alike` names packages that must have the same version on all machines.
-    Raises InputInvalid for an address without a cluster, and for machines with other versions.
+
+    The result of a call must depend on its arguments only, so that every machine gives the same
+    result: if the worker of a call dies, the call is repeated, up to three times. Raises
+    InputInvalid for an address without a cluster, for machines with other versions, and without the
+    extra `distributed`.
+
+    Example:
+
+    >>> from math import factorial
+    >>> from uuvsim_cosim.cluster import Cluster
+    >>> cluster = Cluster("local", workers=1)  # of several machines: Cluster("10.0.0.7:6379")
+    >>> cluster.cpus, cluster.call(factorial, 5)
+    (1, 120)
+    >>> sorted(cluster.spread(factorial, [3, 4]))  # (number of the piece, result)
+    [(0, 6), (1, 24)]
+    >>> def largest(kept):  # a worker reads a stored value with `ray.get`
+    ...     import ray
+    ...     return max(ray.get(kept))
+    >>> cluster.call(largest, cluster.put([3, 1, 2]))
+    3
+    >>> cluster.close()
     """
 
     def __init__(
@@ -123,18 +136,23 @@ class Cluster(Closing):
 
     @property
     def cpus(self) -> int:
-        """The number of calls that the cluster can work on at once now."""
+        """The number of CPUs in the cluster: of calls that it can work on at the same time."""
         return int(self._ray.cluster_resources().get("CPU", 0))
 
     def put(self, value: object) -> ObjectRef:
-        """Store a value in the cluster; an argument that is the result is the value in a call."""
+        """Store a `value` in the cluster, and return a reference to it.
+
+        Pass the reference as an argument of calls that need the same large value. The function
+        reads the value with `ray.get`.
+        """
         return self._ray.put(value)
 
     def call(self, work: Callable[..., R], *arguments: object) -> R:
         """Return `work(*arguments)`, computed on any machine; may be called from any thread.
 
-        If the worker dies, the call is repeated up to RETRIES times. Raises InputInvalid or
-        UuvsimError with the message of the error there.
+        Raises InputInvalid or UuvsimError with the message of an error of `work`, and UuvsimError
+        if the workers of the call and of its three repetitions die, or if no machine with a CPU is
+        in the cluster for 60 s.
         """
         result: R = self._result(self._begin(work, arguments))
         return result
@@ -145,9 +163,10 @@ class Cluster(Closing):
         pieces: Iterable[P],
         follow: Callable[[int, R], P | None] | None = None,
     ) -> Iterator[tuple[int, R]]:
-        """Yield (number of the piece, result of its work) in the order in which they end.
+        """Yield (number of the piece, `work(piece)`) in the order in which the calls end.
 
-        `follow(number, result)` may return a next piece, which gets the same number.
+        `pieces` are counted from 0. `follow(number, result)` may return a next piece, which gets
+        the same number and is worked on first. Raises the errors of `call`.
         """
         waiting = deque(enumerate(pieces))
         running: dict[ObjectRef, int] = {}
@@ -196,7 +215,7 @@ class Cluster(Closing):
             if without_cpu >= PATIENCE:
                 raise UuvsimError(
                     f"{self.address}: no machine with a CPU has been in the cluster for "
-                    f"{PATIENCE:g} s; what is finished is kept"
+                    f"{PATIENCE:g} s; finished results are kept"
                 )
 
     def _result(self, ref: ObjectRef) -> Any:
@@ -207,7 +226,7 @@ class Cluster(Closing):
             good, answer = self._ray.get(self._first([ref]))
         except RayError as error:
             raise UuvsimError(
-                f"{self.address}: what was asked of a worker ended without an answer, "
+                f"{self.address}: a request to a worker ended without an answer, "
                 f"{RETRIES + 1} times ({type(error).__name__}: {_short(error)}); what is finished "
                 "is kept"
             ) from None

@@ -22,7 +22,9 @@ EXTRAS = {
     "scene": "`uuvsim terrain` of charts and grids, LAZ clouds, meshes, gridded currents",
     "view": "`uuvsim view`, `--view`",
     "rerun": "`uuvsim export -o FILE.rrd`",
-    "mavlink": "ArduSub's logs in `uuvsim identify`",
+    "hydro": "added mass of a surface in `uuvsim models import`",
+    "mavlink": "ArduSub as a component, `--mavlink`, and its logs in `uuvsim identify`",
+    "ros": "`--ros2` of `uuvsim serve` and `uuvsim export`",
     "data": "`run.to_pandas()`, `run.to_xarray()`",
     "distributed": "`--ray`",
     "security": "`uuvsim access certificates`",
@@ -35,7 +37,7 @@ PROBE = "double probe(double x) { return 2.0 * x; }\n"
 
 
 def doctor_command() -> None:
-    """Print what this installation consists of and whether its compiler works."""
+    """Print the versions and packages of this installation, and test its compiler."""
     found = facts()
     for name, text in found.items():
         line(f"{name:13} {text}")
@@ -46,7 +48,10 @@ def doctor_command() -> None:
         line(f"{name:13} {number or 'MISSING: pip install uuvsim-cosim'}")
     put("packages", core)
     line()
-    line("extras: pip install 'uuvsim-cosim[EXTRA]'; one that is missing leaves out what it is for")
+    line(
+        "extras: install one with pip install 'uuvsim-cosim[EXTRA]'; without it, its functions "
+        "are missing"
+    )
     put("extras", {})
     for extra, wanted in packages().items():
         if extra:

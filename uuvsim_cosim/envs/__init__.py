@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 from uuvsim_cosim.envs.registration import register, register_shipped
 from uuvsim_cosim.envs.task.episode_draws import Draws
+from uuvsim_cosim.envs.task.expressions import Logical, Symbols
 from uuvsim_cosim.envs.task.task import Channel, Moment, Randomised, Symmetry, Task, TeamTask
 from uuvsim_cosim.lazy import lazy
 
@@ -34,10 +35,12 @@ __all__ = [
     "CosimVectorEnv",
     "Draws",
     "FunctionTask",
+    "Logical",
     "Moment",
     "Randomisation",
     "Randomised",
     "Solo",
+    "Symbols",
     "Symmetry",
     "Task",
     "TeamTask",

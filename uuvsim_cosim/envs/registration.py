@@ -35,11 +35,21 @@ SHIPPED = {f"uuvsim/{id}": f"uuvsim_cosim.envs.tasks.{name}" for id, name in _TA
 
 
 def register(id: str, make_task: str | Callable[..., Task], **options: object) -> None:
-    """Register a task under an id: ``register("mine/Dock-v0", "my_package.dock:Dock", depth=3.0)``.
+    """Register a task with Gymnasium under an `id`, for `gymnasium.make` and `gymnasium.make_vec`.
 
-    `make_task`, or what "module:name" names, is called with `options` and those given to
-    gymnasium.make, and returns a task. By name it is imported when first used, and the id's spec
-    can be written as JSON. The horizon is the task's: there is no second time limit.
+    `make_task` is a callable, or its name "package.module:name", which is imported when it is first
+    used. It is called with `options` and with the keyword arguments of `gymnasium.make`, and
+    returns a task. With a name, the spec of the id can be written as JSON. The time limit is the
+    horizon of the task; there is no second limit. Raises InputInvalid for a name of another form.
+
+    Example:
+
+    >>> import gymnasium
+    >>> from uuvsim_cosim.envs import register
+    >>> register("mine/Near-v0", "uuvsim_cosim.envs.tasks:StationKeeping", away=0.5)  # m
+    >>> env = gymnasium.make("mine/Near-v0", horizon=10)  # s
+    >>> env.spec.max_episode_steps  # actions of 0.1 s
+    100
     """
     import gymnasium
 
@@ -119,7 +129,7 @@ def _task(make_task: str | Callable[..., Task], options: dict[str, object]) -> T
         make, name = make_task, getattr(make_task, "__name__", "")
     for option in _OF_MANY:
         if option in options:
-            raise InputInvalid(option, "is of many environments", "it in make_vec")
+            raise InputInvalid(option, "applies to many environments", "it in make_vec")
     refuse_options(f"task {name}", make, options)
     task = make(**options)
     if steps is not None and steps != task.horizon / task.action_step:

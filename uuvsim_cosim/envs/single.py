@@ -28,12 +28,33 @@ Observation = NDArray[np.float32]
 class CosimEnv(
     LimitedSpec, Environment[TaskSimulation], gymnasium.Env[Observation, NDArray[np.generic]]
 ):
-    """A task in its system, run by a fused kernel or, with backend "master", by a master.
+    """Environment of one agent: a task in its system, with the interface of Gymnasium's `Env`.
 
-    Actions are numbers in [-1, 1], those beyond are clipped; they scale to the limits of the
-    task's channels. `reset(options={"start": {"hull.eta_0": …}})` sets start values by name.
-    Raises InputInvalid and SystemInvalid for a task that does not fit its system; a reset raises
-    ComponentFailed if the episode cannot start, and the next one begins the next episode.
+    `task` is a `Task`; for a `TeamTask`, use `CosimParallelEnv`, or `Solo`. With `backend` "auto",
+    a fused kernel runs the system if possible, else a master; "kernel" and "master" require one of
+    them. `render_mode` is "rgb_array", "human" (a window) or None.
+
+    An action is an array of shape (width of the action,) of numbers in [-1, 1], which are scaled to
+    the limits of the task's channels; numbers outside of [-1, 1] are clipped. An observation is a
+    float32 array of shape (width of the observation,). The attributes `action_space` and
+    `observation_space` hold these widths and the limits. If a component fails, the step returns
+    `terminated`, the last valid observation and a message in `info["failure"]`.
+
+    Raises InputInvalid and SystemInvalid for a task that does not fit its system.
+
+    Example:
+
+    >>> import numpy as np
+    >>> from uuvsim_cosim.envs import CosimEnv
+    >>> from uuvsim_cosim.envs.tasks import StationKeeping
+    >>> env = CosimEnv(StationKeeping())  # hold a BlueROV2 Heavy at 10 m depth, in a current
+    >>> observation, info = env.reset(seed=0)
+    >>> env.action_space.shape, env.observation_space.shape  # three forces and three moments
+    ((6,), (20,))
+    >>> observation, reward, terminated, truncated, info = env.step(np.zeros(6))
+    >>> env.time, info["position_error"].round(2)  # s, m
+    (0.1, np.float64(0.58))
+    >>> env.close()
     """
 
     metadata: ClassVar[dict[str, object]] = {"render_modes": ["rgb_array", "human"]}  # type: ignore[misc]
@@ -62,7 +83,27 @@ class CosimEnv(
         backend: Backend = "auto",
         **task: Any,
     ) -> CosimEnv:
-        """Make an environment of a system, or a file of one, and functions; see `FunctionTask`."""
+        """Make an environment of a `system`, or of the file of a system, and functions.
+
+        `task` are the arguments of `FunctionTask`. `render_mode` and `backend` are those of the
+        class. Raises InputInvalid for an unknown argument.
+
+        Example:
+
+        >>> import numpy as np
+        >>> from uuvsim_cosim.envs import Channel, CosimEnv
+        >>> env = CosimEnv.of(
+        ...     "bluerov2_task",
+        ...     actions=[Channel("allocation.tau_d[3]", -100, 100, "N")],
+        ...     observations=["hull.eta[3]"],  # the depth [m]
+        ...     reward=lambda m: -np.abs(m["hull.eta"][:, 2] - 12.0),  # reach a depth of 12 m
+        ...     action_step="0.1",
+        ...     horizon=20,
+        ... )
+        >>> observation, _ = env.reset(seed=0)
+        >>> observation
+        array([10.], dtype=float32)
+        """
         from uuvsim_cosim.envs.task.function_task import FunctionTask
 
         refuse_options("CosimEnv.of", FunctionTask, {"system": system, **task})
@@ -71,7 +112,23 @@ class CosimEnv(
     def reset(
         self, *, seed: int | None = None, options: Mapping[str, object] | None = None
     ) -> tuple[Observation, dict[str, Any]]:
-        """Begin episode 0 of a seed, or without one the next episode of the same seed."""
+        """Begin an episode; return the first observation and the task's infos.
+
+        With a `seed` from 0 to 2^64 - 1, it is episode 0 of this seed; without, the next episode of
+        the same seed. `options` may be `{"start": {…}}`: start values by name, for this episode.
+        Raises InputInvalid for other options and for values that do not fit, and ComponentFailed if
+        the episode cannot start; the reset after that begins the next episode.
+
+        Example:
+
+        >>> from uuvsim_cosim.envs import CosimEnv
+        >>> from uuvsim_cosim.envs.tasks import StationKeeping
+        >>> env = CosimEnv(StationKeeping())
+        >>> start = {"hull.eta_0": [1.0, 0.0, 10.0, 0.0, 0.0, 0.0]}  # N E D [m], angles [rad]
+        >>> observation, info = env.reset(seed=0, options={"start": start})
+        >>> info["position_error"]  # m
+        np.float64(1.0)
+        """
         simulation = self._live()
         start = start_of(options, mask="a vector in autoreset mode 'Disabled'")
         if seed is not None:
@@ -89,7 +146,11 @@ class CosimEnv(
     def step(
         self, action: NDArray[np.generic]
     ) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
-        """Act for one action step."""
+        """Act for one action step; return observation, reward, terminated, truncated and infos.
+
+        `action` has the shape (width of the action,). Raises InputInvalid for another shape, for
+        NaN, and after the end of an episode.
+        """
         simulation = self._live()
         if self._ended or not simulation.episodes.begun:
             had = "the episode has ended" if self._ended else "no episode has begun"
@@ -108,11 +169,22 @@ class CosimEnv(
 
     @property
     def time(self) -> float:
-        """The seconds since the reset."""
+        """The time since the reset [s]."""
         return float(self._live().episodes.moment.time[0])
 
     def render(self) -> NDArray[np.uint8] | None:
-        """Draw the present moment; returns pixels, or None where a window shows them."""
+        """Draw the present state; return pixels (height, width, 3), or None with a window.
+
+        Example:
+
+        >>> from uuvsim_cosim.envs import CosimEnv
+        >>> from uuvsim_cosim.envs.tasks import StationKeeping
+        >>> env = CosimEnv(StationKeeping(), render_mode="rgb_array")
+        >>> _ = env.reset(seed=0)
+        >>> pixels = env.render()
+        >>> pixels.shape, pixels.dtype
+        ((480, 640, 3), dtype('uint8'))
+        """
         return self._screen.frame(self.task, self._live().episodes.moment, 0)
 
     def __getstate__(self) -> dict[str, object]:

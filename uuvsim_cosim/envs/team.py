@@ -30,12 +30,30 @@ class CosimParallelEnv(
     Environment[TeamSimulation],
     ParallelEnv[str, Observation, NDArray[np.generic]],  # type: ignore[misc]
 ):
-    """A team's task in its system: all agents act at the same time, each on its own vehicle.
+    """Environment of several agents, with the interface of PettingZoo's `ParallelEnv`.
 
-    `agents` are the agents that act next. An agent may appear later. An agent that has ended does
+    All agents of a `team_task` act at the same time, each on its own vehicle. The attribute
+    `agents` lists the agents that act next. An agent may appear later. An agent that has ended does
     not come back before the next reset, and the episode is over when no agent is present. The
-    horizon truncates all agents; a component's failure terminates all of them, with
-    info["failure"]. Seeds, actions and options are as in `CosimEnv`.
+    horizon truncates all agents. A component's failure terminates all of them, with a message in
+    `info["failure"]`. Arrays have the shapes of `CosimEnv`, one for each agent; `backend` and
+    `render_mode` are those of `CosimEnv`. Raises InputInvalid and SystemInvalid for a task that
+    does not fit its system.
+
+    Example:
+
+    >>> import numpy as np
+    >>> from uuvsim_cosim.envs import CosimParallelEnv
+    >>> from uuvsim_cosim.envs.tasks import TargetTracking
+    >>> env = CosimParallelEnv(TargetTracking(n_trackers=2))
+    >>> observations, infos = env.reset(seed=0)
+    >>> env.action_space("tracker_1").shape, env.observation_space("tracker_1").shape
+    ((2,), (31,))
+    >>> actions = {agent: np.array([1.0, 0.0]) for agent in env.agents}  # full acceleration
+    >>> observations, rewards, terminated, truncated, infos = env.step(actions)
+    >>> env.time, env.state().shape  # s; the state is for a central critic
+    (0.4, (14,))
+    >>> env.close()
     """
 
     metadata: dict[str, object] = {  # noqa: RUF012  (PettingZoo's own attribute)
@@ -70,17 +88,22 @@ class CosimParallelEnv(
         self.state_space = simulation.state_space
 
     def observation_space(self, agent: str) -> gymnasium.spaces.Box:
-        """Return an agent's space of observations, the same object each time."""
+        """Return the space of observations of an `agent`, the same object each time."""
         return self.observation_spaces[self._known(agent)]
 
     def action_space(self, agent: str) -> gymnasium.spaces.Box:
-        """Return an agent's space of actions, the same object each time."""
+        """Return the space of actions of an `agent`, the same object each time."""
         return self.action_spaces[self._known(agent)]
 
     def reset(
         self, seed: int | None = None, options: Mapping[str, object] | None = None
     ) -> tuple[dict[str, Observation], dict[str, dict[str, Any]]]:
-        """Begin episode 0 of a seed, or without one the next episode of the same seed."""
+        """Begin an episode; return the first observations and infos by agent.
+
+        With a `seed`, it is episode 0 of this seed; without, the next episode of the same seed.
+        `options` may be `{"start": {…}}`: start values by name, for this episode. Raises
+        ComponentFailed if the episode cannot start.
+        """
         simulation = self._live()
         start = start_of(options, mask="a vector in autoreset mode 'Disabled'", others=True)
         seeds = None
@@ -102,7 +125,11 @@ class CosimParallelEnv(
         dict[str, bool],
         dict[str, dict[str, Any]],
     ]:
-        """Act for one action step; `actions` has one for each of `agents`."""
+        """Act for one action step; return five mappings by agent, as PettingZoo defines them.
+
+        `actions` has an action for each of `agents`. The results are observations, rewards,
+        terminated, truncated and infos. Raises InputInvalid for a missing or an absent agent.
+        """
         simulation = self._live()
         place = self._place
         if not isinstance(actions, Mapping):
@@ -111,7 +138,7 @@ class CosimParallelEnv(
             raise InputInvalid(place, "no agent is present", "reset() before step()")
         for agent in actions:
             if self._known(agent) not in self.agents:
-                read = f"an action for {agent!r}, who has ended or has not come yet"
+                read = f"an action for {agent!r}, which has ended or is not present yet"
                 raise InputInvalid(place, read, f"actions for {', '.join(self.agents)}")
         missing = [repr(a) for a in self.agents if a not in actions]
         if missing:
@@ -132,16 +159,26 @@ class CosimParallelEnv(
         return result
 
     def state(self) -> NDArray[np.float32]:
-        """Return the state for a central critic."""
+        """Return the state for a central critic, a float32 array of shape (width,)."""
         return np.asarray(self._live().state()[0])
 
     @property
     def time(self) -> float:
-        """The seconds since the reset."""
+        """The time since the reset [s]."""
         return float(self._live().episodes.moment.time[0])
 
     def render(self) -> NDArray[np.uint8] | None:
-        """Draw the present moment; returns pixels, or None where a window shows them."""
+        """Draw the present state; return pixels (height, width, 3), or None with a window.
+
+        Example:
+
+        >>> from uuvsim_cosim.envs import CosimParallelEnv
+        >>> from uuvsim_cosim.envs.tasks import TargetTracking
+        >>> env = CosimParallelEnv(TargetTracking(), render_mode="rgb_array")
+        >>> _ = env.reset(seed=0)
+        >>> env.render().shape
+        (480, 640, 3)
+        """
         return self._screen.frame(self.task, self._live().now.moment, 0)
 
     def __getstate__(self) -> dict[str, object]:

@@ -26,15 +26,32 @@ Step = tuple[NDArray[np.float32], Array, Mask, Mask, dict[str, Any]]
 
 @final
 class CosimTeamVectorEnv(Environment[TeamSimulation]):
-    """A team's task in n = `num_envs` copies of its system, each with N agents.
+    """Vector of n = `num_envs` environments of N agents each, as arrays for a learner.
 
-    Row i of seed s is CosimParallelEnv of s + i. Observations are (n, N, d), actions (n, N, a),
-    rewards, terminated and truncated (n, N), `state()` (n, s). The mask `present` (n, N) marks the
-    agents that act next, infos["acted"] those whose action led here. The numbers of an absent
-    agent are zero, and its actions are ignored. An episode is over when no agent is present; then
-    the row is reset according to Gymnasium's autoreset mode, with infos "final_obs" (n, N, d),
-    "final_state" and "_final_obs" (n,) in SAME_STEP. Raises InputInvalid for agents whose spaces
-    differ.
+    Each runs a `team_task` in a copy of its system. Environment i of seed s has the same bits as
+    `CosimParallelEnv` of seed s + i. Observations have the shape (n, N, width), actions
+    (n, N, width), rewards, terminated and truncated (n, N). The numbers of an absent agent are
+    zero, and its actions are ignored. `infos["acted"]` marks the agents whose action led here.
+
+    An episode is over when no agent is present. Then its environment is reset according to
+    `autoreset_mode`, one of Gymnasium's modes as in `CosimVectorEnv`. With "SameStep", infos have
+    "final_obs" (n, N, width), "final_state" and the mask "_final_obs" (n,). `backend`, `threads`,
+    `dtype` and `processes` are those of `CosimVectorEnv`. Raises InputInvalid for agents whose
+    spaces differ.
+
+    Example:
+
+    >>> import numpy as np
+    >>> from uuvsim_cosim.envs import CosimTeamVectorEnv
+    >>> from uuvsim_cosim.envs.tasks import TargetTracking
+    >>> envs = CosimTeamVectorEnv(TargetTracking(n_trackers=2), num_envs=16)
+    >>> observations, infos = envs.reset(seed=0)
+    >>> observations, rewards, terminated, truncated, infos = envs.step(np.zeros((16, 2, 2)))
+    >>> observations.shape, rewards.shape, envs.state().shape
+    ((16, 2, 31), (16, 2), (16, 14))
+    >>> envs.present.all()  # no agent has ended
+    np.True_
+    >>> envs.close()
     """
 
     _closed = ("the environments are closed", "new ones")
@@ -76,11 +93,11 @@ class CosimTeamVectorEnv(Environment[TeamSimulation]):
 
     @property
     def present(self) -> NDArray[np.bool_]:
-        """The mask of the agents that act next, of shape (n, N)."""
+        """The mask of the agents that act next, Booleans of shape (n, N)."""
         return self._live().now.present.copy()
 
     def state(self) -> NDArray[np.float32]:
-        """Return the states for a central critic, of shape (n, s)."""
+        """Return the states for a central critic, of shape (n, width of the state)."""
         return self._live().state()
 
     def reset(
@@ -89,7 +106,11 @@ class CosimTeamVectorEnv(Environment[TeamSimulation]):
         seed: int | Sequence[int] | None = None,
         options: Mapping[str, object] | None = None,
     ) -> tuple[NDArray[np.float32], dict[str, Any]]:
-        """Begin episode 0 of seeds s, s + 1, …, or without any the next of the same seeds."""
+        """Begin episodes; return the first observations and infos.
+
+        `seed` and `options` are those of `CosimVectorEnv.reset`. Raises ComponentFailed if no
+        environment can start.
+        """
         simulation = self._live()
         start, mask = vector_info.reset_options(options, self._mode, simulation)
         team = simulation.reset(mask, seeds=self._seeds(seed), start=start)
@@ -97,7 +118,11 @@ class CosimTeamVectorEnv(Environment[TeamSimulation]):
         return _observations(simulation, team), self._infos(simulation, team)
 
     def step(self, actions: Array) -> Step:
-        """Act in all environments for one action step; `actions` are (n, N, a) in [-1, 1]."""
+        """Act in all environments for one action step; `actions` are (n, N, width) in [-1, 1].
+
+        Returns observations, rewards, terminated, truncated and infos. Raises InputInvalid for
+        other shapes and for NaN.
+        """
         simulation, ended = self._live(), self._ended
         if self._mode is AutoresetMode.DISABLED and ended.any():
             vector_info.refuse_ended(simulation.place, ended)

@@ -32,14 +32,37 @@ Step = tuple[Observations, NDArray[np.float64], Mask, Mask, dict[str, Any]]
 class CosimVectorEnv(
     LimitedSpec, VectorEnv[Observations, Array, Array], Environment[TaskSimulation]
 ):
-    """A task in `num_envs` copies of its system: environment i of seed s is CosimEnv of s + i.
+    """Vector of n = `num_envs` environments of one agent, as Gymnasium's `VectorEnv`.
 
-    The fused kernel in `threads`, and in number type `dtype`, when the system can be fused; else
-    masters in `processes` (one for each core by default, 0: in this process). With autoreset mode
-    NEXT_STEP the step after the end of an episode is the reset, its reward 0; with SAME_STEP the
-    step that ends it gives the next observation, and the last in infos "final_obs"; with DISABLED
-    `reset(options={"reset_mask": …})` begins the next episodes. An environment whose episode cannot
-    start terminates in its first step; a reset in which none can start raises ComponentFailed.
+    Each runs a `task` in a copy of its system. Environment i of seed s has the same bits as
+    `CosimEnv` of seed s + i. `backend` is that of `CosimEnv`: a fused kernel runs all environments
+    in `threads` threads, with numbers of type `dtype` ("float64" or "float32"); masters run in
+    `processes` worker processes (by default one for each core; 0: in this process). `render_mode`
+    is "rgb_array" or None.
+
+    Actions are arrays (n, width of the action) of numbers in [-1, 1], observations float32 arrays
+    (n, width of the observation); rewards, terminated and truncated have the shape (n,).
+    `autoreset_mode` is one of Gymnasium's:
+
+    - "NextStep": the step after the end of an episode is the reset, with reward 0.
+    - "SameStep": the step that ends an episode returns the first observation of the next one, and
+      the last observation in `infos["final_obs"]`.
+    - "Disabled": `reset(options={"reset_mask": mask})` begins the next episodes.
+
+    An environment whose episode cannot start terminates in its first step. Raises InputInvalid and
+    SystemInvalid for a task that does not fit its system.
+
+    Example:
+
+    >>> import numpy as np
+    >>> from uuvsim_cosim.envs import CosimVectorEnv
+    >>> from uuvsim_cosim.envs.tasks import StationKeeping
+    >>> envs = CosimVectorEnv(StationKeeping(), num_envs=256)
+    >>> observations, infos = envs.reset(seed=0)
+    >>> observations, rewards, terminated, truncated, infos = envs.step(np.zeros((256, 6)))
+    >>> observations.shape, rewards.shape, terminated.any()
+    ((256, 20), (256,), np.False_)
+    >>> envs.close()
     """
 
     _closed = ("the environments are closed", "new ones")
@@ -96,9 +119,24 @@ class CosimVectorEnv(
         seed: int | Sequence[int | None] | None = None,
         options: Mapping[str, object] | None = None,
     ) -> tuple[Observations, dict[str, Any]]:
-        """Begin episode 0 of the seeds, or without seeds the next episodes of the same ones.
+        """Begin episodes; return the first observations and the task's infos.
 
-        One seed s means s, s + 1, …; a list has a seed for each environment.
+        With a `seed` s, they are the episodes 0 of the seeds s, s + 1, …; a list has one seed for
+        each environment. Without, they are the next episodes of the same seeds. `options` may be
+        `{"start": {…}}`, start values by name, of the variable's shape or with n rows, and, with
+        autoreset mode "Disabled", `{"reset_mask": mask}` with n Booleans, which selects
+        environments.
+        Raises InputInvalid for other options, and ComponentFailed if no environment can start.
+
+        Example:
+
+        >>> from uuvsim_cosim.envs import CosimVectorEnv
+        >>> from uuvsim_cosim.envs.tasks import StationKeeping
+        >>> envs = CosimVectorEnv(StationKeeping(), num_envs=2)
+        >>> start = {"hull.eta_0": [[1.0, 0, 10.0, 0, 0, 0], [2.0, 0, 10.0, 0, 0, 0]]}  # m, rad
+        >>> _, infos = envs.reset(seed=0, options={"start": start})
+        >>> infos["position_error"]  # m
+        array([1., 2.])
         """
         simulation = self._live()
         start, mask = vector_info.reset_options(options, self._mode, simulation)
@@ -109,7 +147,11 @@ class CosimVectorEnv(
         return simulation.observe(m), infos
 
     def step(self, actions: Array) -> Step:
-        """Act in all environments for one action step."""
+        """Act in all environments for one action step; `actions` are (n, width) in [-1, 1].
+
+        Returns observations, rewards, terminated, truncated and infos. Raises InputInvalid for
+        other shapes and for NaN.
+        """
         simulation = self._live()
         if not simulation.episodes.begun:
             raise InputInvalid(simulation.place, "no episode has begun", "reset() first")
@@ -138,7 +180,17 @@ class CosimVectorEnv(
         return observations, reward, terminated, truncated, infos
 
     def render(self) -> tuple[Any, ...] | None:
-        """Draw each environment, as pixels."""
+        """Draw each environment; return n arrays of pixels (height, width, 3).
+
+        Example:
+
+        >>> from uuvsim_cosim.envs import CosimVectorEnv
+        >>> from uuvsim_cosim.envs.tasks import StationKeeping
+        >>> envs = CosimVectorEnv(StationKeeping(), num_envs=2, render_mode="rgb_array")
+        >>> _ = envs.reset(seed=0)
+        >>> [pixels.shape for pixels in envs.render()]
+        [(480, 640, 3), (480, 640, 3)]
+        """
         m: Instant = self._live().episodes.moment
         if self.render_mode is None:
             self._screen.frame(self.task, m, 0)  # warns
@@ -146,7 +198,15 @@ class CosimVectorEnv(
         return tuple(self._screen.frame(self.task, m, row) for row in range(self.num_envs))
 
     def close_extras(self, **kwargs: object) -> None:
-        """Free everything."""
+        """End the simulation and free its memory; `close` calls it. `kwargs` are ignored.
+
+        Example:
+
+        >>> from uuvsim_cosim.envs import CosimVectorEnv
+        >>> from uuvsim_cosim.envs.tasks import StationKeeping
+        >>> envs = CosimVectorEnv(StationKeeping(), num_envs=2)
+        >>> envs.close_extras()
+        """
         Environment.close(self)
 
     def __getstate__(self) -> dict[str, object]:

@@ -33,7 +33,10 @@ class Binding:
     `functions` maps FMI names without prefix (``DoStep``, ``GetFloat64``, ``SetReal``, …; only
     those that the binary has) to addresses. Native: ``DoStep`` is ``uuv_do_step`` and
     ``instance`` a ``uuv_instance *``; ``StateSize`` is no address but bytes. FMUs: ``StateKept``
-    is the address of an int32, 1 once a state of the run is kept. Callback: see the core.
+    is the address of an int32, 1 once a state of the run is kept. ``FindValues`` is the function of
+    an FMU of this package which finds the memory of its values, so that the loop need not look
+    them up; ``DoSteps`` steps several instances of it, or of a native component. Callback: see the
+    core.
     """
 
     kind: BindingKind

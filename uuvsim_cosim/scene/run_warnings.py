@@ -94,10 +94,12 @@ def contact_warnings(ssd: Path, tick: float, signals: Mapping[str, Array]) -> li
             if (size := vehicle_size(split_address(vehicle)[0])) is not None:
                 half = min(half, min(size.length, size.breadth, size.height) / 2)
     starts_inside, deep = [], []
-    for name, touched in signals.items():
+    for name in signals:  # only the signals of contacts are read
         path, _, signal = name.rpartition(".")
-        depth = signals.get(f"{path}.depth")
-        if signal != "touched" or depth is None or not len(touched):
+        if signal != "touched" or f"{path}.depth" not in signals:
+            continue
+        touched, depth = signals[name], signals[f"{path}.depth"]
+        if not len(touched):
             continue
         if depth[0] > DEEP:
             if touched[0] >= 0:

@@ -186,7 +186,7 @@ FUNCTIONS = (*POINTWISE, *REDUCTIONS)
 
 @dataclass(frozen=True)
 class Metric:
-    """A figure of a run: an expression over the samples from `after` to `until` [s]."""
+    """Metric of a run: an expression over the samples from `after` to `until` [s]."""
 
     expression: str
     after: Fraction = Fraction(0)
@@ -196,7 +196,7 @@ class Metric:
 @final
 @dataclass(frozen=True)
 class ReadMetric:
-    """A metric whose names have been found in a system."""
+    """Metric whose names have been resolved in a system."""
 
     name: str
     metric: Metric
@@ -204,7 +204,7 @@ class ReadMetric:
 
     @property
     def columns(self) -> tuple[str, ...]:
-        """Name its numbers: by its name, and by the element if there are several."""
+        """The names of its numbers: its own name, with the element if there are several."""
         n = self.root.size
         return tuple(element_names(self.name, (n,) if n > 1 else ()))
 
@@ -219,7 +219,7 @@ class ReadMetric:
 
 
 def read_metric(name: str, metric: Metric, descriptions: Mapping[str, Description]) -> ReadMetric:
-    """Read an expression; raises InputInvalid with the place in it and what would be right."""
+    """Read an expression; raises InputInvalid with the place in it and what was expected."""
     parser = _Parser(metric.expression, descriptions)
     root = parser.whole()
     if root.course:

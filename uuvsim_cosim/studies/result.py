@@ -15,6 +15,7 @@ import numpy as np
 from uuvsim_cosim.cache import content_hash, write_whole
 from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.orchestrator.recording.data_frames import library
+from uuvsim_cosim.studies.interval_table import IntervalRow, latex_table
 from uuvsim_cosim.studies.intervals import interval, rank_correlation
 from uuvsim_cosim.studies.run_table import Runs
 from uuvsim_cosim.studies.simulate_runs import Outcome, Script
@@ -22,23 +23,31 @@ from uuvsim_cosim.studies.simulate_runs import Outcome, Script
 if TYPE_CHECKING:
     from pyarrow import Array, Table
 
-__all__ = ["StudyFolder", "StudyResult", "result_of"]
+__all__ = ["StudyDifference", "StudyFolder", "StudyResult", "result_of"]
 
-OWN = ("study.json", "runs.parquet", "report.html")
+OWN = ("study.json", "system.ssd", "runs.parquet", "report.html")
 SCHEMA_VERSION = 1
 
 
 @final
 class StudyFolder:
-    """A folder that belongs to one study; each part is written whole or not at all.
+    """Folder that belongs to one study; each part is written whole or not at all.
 
-    Raises InputInvalid if something else lies there, or another study, unless `restart`.
+    `sources` are the publications of the draws, as (file, text). Raises InputInvalid for a folder
+    with other files or of another study, unless `restart`.
     """
 
-    def __init__(self, path: Path, asked: Mapping[str, object], restart: bool) -> None:
+    def __init__(
+        self,
+        path: Path,
+        asked: Mapping[str, object],
+        restart: bool,
+        sources: Sequence[tuple[str, str]] = (),
+    ) -> None:
         self.path = path.expanduser().absolute()
         self.parts = self.path / "parts"
         self.asked = json.loads(json.dumps(asked))
+        self.sources = list(sources)
         if self.path.exists() and not self.path.is_dir():
             raise InputInvalid(self.path, "is a file", "a folder")
         if restart and (self.path / "study.json").is_file():
@@ -50,9 +59,7 @@ class StudyFolder:
             if file.is_file():
                 self._refuse_other(file)
             elif self.path.is_dir() and any(self.path.iterdir()):
-                raise InputInvalid(
-                    self.path, "has something else in it", "a new folder, or a study's"
-                )
+                raise InputInvalid(self.path, "contains other files", "a new folder, or a study's")
             self.parts.mkdir(parents=True, exist_ok=True)
             if not file.is_file():
                 self.write({})
@@ -64,7 +71,7 @@ class StudyFolder:
             before = json.loads(file.read_text(encoding="utf-8"))["asked"]
         except (OSError, ValueError, KeyError, TypeError):
             raise InputInvalid(
-                f"{file}: cannot be read as a study; --restart begins it anew"
+                f"{file}: cannot be read as a study; --restart starts it again"
             ) from None
 
         def short(value: object) -> str:
@@ -78,18 +85,23 @@ class StudyFolder:
             )
             raise InputInvalid(
                 self.path,
-                f"was begun as another study: {changes}",
-                "the same one, another folder, or --restart, which begins anew",
+                f"contains another study: {changes}",
+                "the same study, another folder, or --restart, which starts again",
             )
 
     def write(self, more: Mapping[str, object]) -> None:
         """Write study.json: the settings, and the fields of `more`."""
-        content = {"schema": SCHEMA_VERSION, "asked": self.asked, **more}
+        content = {
+            "schema": SCHEMA_VERSION,
+            "asked": self.asked,
+            "sources of the draws": self.sources,
+            **more,
+        }
         text = json.dumps(content, indent=1, ensure_ascii=False)
         write_whole(self.path / "study.json", text.encode())
 
     def done(self) -> dict[int, Outcome]:
-        """Return the runs that are finished, by number; parts that cannot be read count as none."""
+        """Return the finished runs by number; parts that cannot be read are ignored."""
         import pyarrow as pa
         import pyarrow.parquet as pq
 
@@ -104,7 +116,7 @@ class StudyFolder:
         return found
 
     def keep(self, runs: Sequence[int], outcomes: Sequence[Outcome]) -> None:
-        """Write finished runs as one more part."""
+        """Write finished runs as a further part."""
         import pyarrow as pa
 
         table = pa.table(
@@ -134,7 +146,34 @@ def _write_table(path: Path, table: Table) -> None:
 
 @dataclass(frozen=True)
 class StudyResult:
-    """Folder and summary of a study; `resumed` runs were finished by an earlier call."""
+    """Folder and summary of a study, as `Study.run` returns them.
+
+    `folder` has the files, and `name` is the study's. Of `runs` runs, `failed` have failed and
+    `resumed` were finished by an earlier call. `backend` is "kernel" or "master", "" if nothing was
+    left to run; `wall_time` is in seconds; `remarks` are messages about the study. `intervals` has
+    for each metric at each point of the grid the number of finite values "n", their "mean", "std"
+    and "median", and the limits "low" and "high" of the 95 % bootstrap interval of the mean.
+
+    Example:
+
+    >>> import uuvsim_cosim as uuv
+    >>> boat = uuv.System("boat", tick="0.1").add("hull", "model:bluerov2_heavy")
+    >>> boat = boat.set("hull.tau", [50.0, 0.0, 0.0, 0.0, 0.0, 0.0])  # N, N.m
+    >>> study = uuv.Study(boat, duration=5, metrics={"speed": "final(hull.nu[1])"}, seeds=2)
+    >>> result = study.run("out")
+    >>> result.table().column_names
+    ['run', 'point', 'seed', 'speed', 'failure']
+    >>> result.to_pandas()["speed"].round(2).tolist()  # m/s
+    [0.55, 0.55]
+    >>> result.to_xarray()["speed"].attrs["units"], result.file.name
+    ('m/s', 'runs.parquet')
+    >>> [f"{row.mean:.2f} {row.unit}" for row in result.rows()]
+    ['0.55 m/s']
+    >>> result.to_latex({"speed": "final speed"}).splitlines()[4].split(" & ")[:2]
+    ['final speed', 'm/s']
+    >>> result.difference(result).rows()[0].mean
+    0.0
+    """
 
     folder: Path
     name: str
@@ -148,11 +187,14 @@ class StudyResult:
 
     @property
     def file(self) -> Path:
-        """The file of the table."""
+        """The Parquet file of the table, `runs.parquet`."""
         return self.folder / "runs.parquet"
 
     def table(self) -> Table:
-        """Read the table: run, point, seed, parameters, metrics, failure."""
+        """Read the table, one row a run: run, point, seed, parameters, metrics, failure.
+
+        The fields of parameters and metrics have their units as metadata.
+        """
         import pyarrow.parquet as pq
 
         return pq.read_table(self.file)
@@ -160,23 +202,144 @@ class StudyResult:
     def to_pandas(self) -> Any:
         """Return the table as a DataFrame with the run as index (extra ``data``).
 
-        ``frame.attrs["units"]`` maps parameters and metrics to their units.
+        ``frame.attrs["units"]`` maps parameters and metrics to their units. Raises InputInvalid if
+        pandas is not installed.
         """
         library("pandas")
-        table = self.table()
-        frame = table.to_pandas().set_index("run")
-        units = {f.name: (f.metadata or {}).get(b"unit", b"").decode() for f in table.schema}
-        frame.attrs["units"] = {name: unit for name, unit in units.items() if unit}
+        frame = self.table().to_pandas().set_index("run")
+        frame.attrs["units"] = {name: unit for name, unit in self._units().items() if unit}
         return frame
 
     def to_xarray(self) -> Any:
-        """Return the table as a Dataset over ``run``, with units as attributes (extra ``data``)."""
+        """Return the table as a Dataset over ``run``, with units as attributes (extra ``data``).
+
+        Raises InputInvalid if pandas or xarray is not installed.
+        """
         library("xarray")
         frame = self.to_pandas()
         data = frame.to_xarray()
         for name, unit in frame.attrs["units"].items():
             data[name].attrs["units"] = unit
         return data
+
+    def difference(self, other: StudyResult) -> StudyDifference:
+        """Return this study minus another, run by run, with intervals of the mean differences.
+
+        Runs of this study and of `other` with the same seed at the same grid point are a pair. A
+        pair with a run that failed is left out. Raises InputInvalid if seeds, grids or the draws of
+        common parameters differ, or if there is no common metric.
+        """
+        ours, theirs = self.table(), other.table()
+        metrics = [m for m in self._metrics() if m in other._metrics()]
+        common = [n for n in ours.column_names if n in theirs.column_names and n != "failure"]
+        for name in common:
+            if name not in metrics and ours[name].to_pylist() != theirs[name].to_pylist():
+                place = f"{self.folder} and {other.folder}"
+                raise InputInvalid(place, f"{name!r} differs between their runs", "the same values")
+        if not metrics:
+            place, read = f"{other.folder}", ", ".join(other._metrics())
+            raise InputInvalid(place, f"metrics {read}", f"one of {', '.join(self._metrics())}")
+        point = ours["point"].to_numpy()
+        rows = []
+        for before in self.intervals:
+            if before["metric"] in metrics:
+                a, b = (np.asarray(t[before["metric"]])[point == before["point"]]
+                        for t in (ours, theirs))  # fmt: skip
+                rows.append({**before, **asdict(interval(a - b))})
+        return StudyDifference(self, other, tuple(rows))
+
+    def rows(self) -> tuple[IntervalRow, ...]:
+        """Return the means of all metrics with units and intervals, by grid point."""
+        return _rows(self.intervals, self._units())
+
+    def to_latex(
+        self, names: Mapping[str, str] | None = None, *, caption: str = "", label: str = ""
+    ) -> str:
+        """Return the means with intervals as a table for LaTeX (package booktabs).
+
+        `names` chooses metrics, and words for them: ``{"error": "position error"}``; without it,
+        all metrics are shown. It may also name grid axes. With `caption`, the text is a table
+        environment, with `label` for references. Texts are escaped. Raises InputInvalid for a name
+        that is no metric and no grid axis.
+        """
+        return _latex(self.rows(), names, self._units(), "mean", caption, label)
+
+    def _metrics(self) -> list[str]:
+        return list(dict.fromkeys(str(i["metric"]) for i in self.intervals))
+
+    def _units(self) -> dict[str, str]:
+        return {f.name: (f.metadata or {}).get(b"unit", b"").decode() for f in self.table().schema}
+
+
+@dataclass(frozen=True)
+class StudyDifference:
+    """Paired differences of two studies, `first` minus `second`.
+
+    `intervals` has the same numbers for each metric at each point of the grid as those of a
+    `StudyResult`, of the differences.
+
+    Example:
+
+    >>> import uuvsim_cosim as uuv
+    >>> boat = uuv.System("boat", tick="0.1").add("hull", "model:bluerov2_heavy")
+    >>> metrics = {"speed": "final(hull.nu[1])"}
+    >>> results = [
+    ...     uuv.Study(
+    ...         boat.set("hull.tau", [force, 0.0, 0.0, 0.0, 0.0, 0.0]),  # N, N.m
+    ...         duration=5, metrics=metrics, seeds=2,
+    ...     ).run(f"{force:g}")
+    ...     for force in (50.0, 20.0)
+    ... ]
+    >>> faster = results[0].difference(results[1])
+    >>> row = faster.rows()[0]
+    >>> row.metric, row.n, row.mean > 0
+    ('speed', 2, True)
+    >>> "mean difference" in faster.to_latex()
+    True
+    """
+
+    first: StudyResult
+    second: StudyResult
+    intervals: tuple[dict[str, Any], ...]  # as those of a StudyResult
+
+    def rows(self) -> tuple[IntervalRow, ...]:
+        """Return the mean differences with units and intervals, by grid point."""
+        return _rows(self.intervals, self.first._units())
+
+    def to_latex(
+        self, names: Mapping[str, str] | None = None, *, caption: str = "", label: str = ""
+    ) -> str:
+        """Return the differences as a table for LaTeX (package booktabs).
+
+        `names`, `caption` and `label` are as in `StudyResult.to_latex`.
+        """
+        units = self.first._units()
+        return _latex(self.rows(), names, units, "mean difference", caption, label)
+
+
+def _rows(found: Sequence[Mapping[str, Any]], units: Mapping[str, str]) -> tuple[IntervalRow, ...]:
+    return tuple(
+        IntervalRow(
+            i["at"], i["metric"], units[i["metric"]], i["n"], i["mean"], i["low"], i["high"]
+        )
+        for i in found
+    )
+
+
+def _latex(
+    rows: Sequence[IntervalRow], names: Mapping[str, str] | None, units: Mapping[str, str],
+    mean: str, caption: str, label: str,
+) -> str:  # fmt: skip
+    words = names or {}
+    metrics = {row.metric for row in rows}
+    axes = {axis for row in rows for axis in row.at}
+    if unknown := [name for name in words if name not in metrics | axes]:
+        raise InputInvalid(
+            "names", f"{unknown[0]!r}", f"one of {', '.join(sorted(metrics | axes))}"
+        )
+    chosen = metrics & set(words) or metrics
+    shown = [row for row in rows if row.metric in chosen]
+    return latex_table(shown, words, units, mean=mean, caption=caption, label=label)
 
 
 def result_of(

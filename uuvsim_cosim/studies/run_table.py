@@ -1,6 +1,6 @@
-"""The runs of a study as a table: grid points times seeds, each with all of its start values.
+"""Table of the runs of a study: grid points times seeds, each with all of its start values.
 
-A study that would not fit into memory is refused before it begins.
+A study that does not fit into memory is refused before it begins.
 """
 
 from __future__ import annotations

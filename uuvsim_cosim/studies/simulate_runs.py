@@ -29,7 +29,7 @@ AT_ONCE = 256  # communication steps after which an interruption is noticed, at 
 
 @dataclass(frozen=True)
 class Script:
-    """A run without its seed and start values; `every` communication steps are sampled."""
+    """Run without its seed and start values; each `every`-th communication point is sampled."""
 
     system: System
     steps: int
@@ -38,7 +38,7 @@ class Script:
 
     @property
     def signals(self) -> tuple[str, ...]:
-        """Name the variables that metrics read."""
+        """The names of the variables that metrics read."""
         return tuple(dict.fromkeys(s for m in self.metrics for s in m.root.signals()))
 
     @property
@@ -60,7 +60,7 @@ class Script:
             reached = tick
 
     def judged(self, courses: Mapping[str, Array]) -> list[float]:
-        """Return the numbers of all metrics from the courses of one run."""
+        """Return the values of all metrics from the sampled signals of one run."""
         return [x for m in self.metrics for x in m.value(self.time, courses)]
 
     @property
@@ -176,8 +176,8 @@ class KernelRuns:
                 self._batch = self._kernel.batch(self._n, threads=self._threads)
             except ComponentFailed as error:
                 raise UuvsimError(
-                    f"{self.script.system.name}: fails as it is given, before any parameter is "
-                    f"varied: {error}"
+                    f"{self.script.system.name}: fails with the given values, before any "
+                    f"parameter is varied: {error}"
                 ) from error
         batch = self._batch
         batch.reset(seeds=words, start=filled, check=False)

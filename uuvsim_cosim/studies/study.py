@@ -1,21 +1,11 @@
-"""Studies: many runs of a system under drawn or gridded parameters, and their metrics.
-
->>> Study(
-...     uuv.load("bluerov2_hold"),
-...     duration="20",
-...     metrics={"error": "rms(norm(hull.eta[1:3] - guidance.eta_d[1:3]))"},
-...     parameters=[Vary("hull.m", Uniform(13.0, 14.0))],
-...     grid=[Vary("hull.v_c[1]", Choice([0.0, 0.2, 0.4]))],
-...     seeds=16,
-... ).run("studies/hold")  # doctest: +SKIP
-"""
+"""Studies: many runs of a system under drawn or gridded parameters, and their metrics."""
 
 from __future__ import annotations
 
 import math
 import os
 import time
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from fractions import Fraction
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal, final
@@ -28,8 +18,11 @@ from uuvsim_cosim.envs.randomisation.distributions import Choice
 from uuvsim_cosim.envs.randomisation.randomisation import Randomisation, Vary
 from uuvsim_cosim.envs.randomisation.targets import Places, varies
 from uuvsim_cosim.errors import InputInvalid, SystemInvalid, UuvsimError
+from uuvsim_cosim.fmus.resources import refuse_unless_it_fits
+from uuvsim_cosim.notebook_bar import Progress, shown
 from uuvsim_cosim.orchestrator.master.snapshot import plan_hash
 from uuvsim_cosim.orchestrator.plan.algebraic_loops import delay_remark, estimated_gain, hops_of
+from uuvsim_cosim.orchestrator.ssp.ssd import write_ssd
 from uuvsim_cosim.orchestrator.system.elements import Loops
 from uuvsim_cosim.orchestrator.system.system import System
 from uuvsim_cosim.studies.metric import Metric, read_metric
@@ -44,22 +37,65 @@ if TYPE_CHECKING:
 __all__ = ["Study", "StudyInterrupted"]
 
 Backend = Literal["auto", "kernel", "master"]
-Progress = Callable[[str, float, float], None]
 MEMORY = 192e6  # bytes of sampled signals in a batch
 PARTS = 12  # of a study's folder, about
 
 
 class StudyInterrupted(KeyboardInterrupt):
-    """Ctrl-C; finished runs are kept, and the same study continues from there."""
+    """Ctrl-C during a study; finished runs are kept, and the same call continues from there.
+
+    It is a KeyboardInterrupt, so `except Exception` does not catch it. In the example, `progress`
+    raises the interrupt in the place of Ctrl-C.
+
+    Example:
+
+    >>> import uuvsim_cosim as uuv
+    >>> from uuvsim_cosim.studies import StudyInterrupted
+    >>> boat = uuv.System("boat", tick="0.1").add("hull", "model:bluerov2_heavy")
+    >>> study = uuv.Study(boat, duration=1, metrics={"depth": "final(hull.eta[3])"}, seeds=16)
+    >>> def interrupt(stage, done, total):
+    ...     if done == 8:
+    ...         raise KeyboardInterrupt
+    >>> try:
+    ...     study.run("out", jobs=1, batch=8, progress=interrupt)
+    ... except StudyInterrupted as error:
+    ...     print(error)
+    interrupted; 8 of 16 runs are kept in ...out; repeat the command to continue
+    >>> study.run("out").resumed
+    8
+    """
 
 
 @final
 class Study:
-    """Definition of a study, checked as a whole; `run` runs it.
+    """Study: many runs of a system under drawn or gridded parameters, and metrics of each run.
 
-    `duration` and `every` (the sampling of metrics, by default each communication step) are whole
-    numbers of communication steps [s]. `seeds` is a number of them (0, 1, …) or a list.
-    Raises SystemInvalid or InputInvalid with what is wrong.
+    The study has one run for each seed at each point of the grid. In a run, `parameters` are drawn:
+    a list of `Vary`, or a `Randomisation`. A seed draws the same parameters at every point, and it
+    is the seed of the system in its run. `grid` is a list of `Vary` with the distribution
+    `Choice`; its points are all combinations of their values. `seeds` is the number of seeds (0, 1,
+    …) or a list of them. `metrics` maps names to expressions such as "rms(hull.eta[1])", which
+    docs/systems/studies.md describes. They are computed from samples every `every` seconds, by
+    default at each communication step, from 0 to `duration`; both are whole numbers of
+    communication steps [s]. `name` is by default that of the `system`, and `output`, the folder of
+    the results, studies/NAME. Raises InputInvalid or SystemInvalid for arguments that are wrong or
+    do not fit the system, before anything runs.
+
+    Example:
+
+    >>> import uuvsim_cosim as uuv
+    >>> from uuvsim_cosim.envs import Uniform, Vary
+    >>> boat = uuv.System("boat", tick="0.1").add("hull", "model:bluerov2_heavy")
+    >>> study = uuv.Study(
+    ...     boat.set("hull.tau", [50.0, 0.0, 0.0, 0.0, 0.0, 0.0]),  # N, N.m
+    ...     duration=5,
+    ...     metrics={"speed": "final(hull.nu[1])"},  # m/s
+    ...     parameters=[Vary("hull.m", Uniform(12.5, 14.5))],  # kg
+    ...     seeds=8,
+    ... )
+    >>> result = study.run("out")
+    >>> round(result.intervals[0]["mean"], 2)
+    0.54
     """
 
     def __init__(
@@ -120,9 +156,20 @@ class Study:
 
     @classmethod
     def read(cls, path: str | Path, loops: Loops | None = None) -> Study:
-        """Read a study file; raises InputInvalid with every mistake and its line.
+        """Read the study in a YAML file.
 
-        `loops` is the policy for algebraic loops instead of the file's.
+        `path` is the file, and `loops` ("iterate", "delay" or "refuse") the policy for algebraic
+        loops instead of that of the file. Raises InputInvalid with every mistake and its line.
+
+        Example:
+
+        >>> from pathlib import Path
+        >>> import uuvsim_cosim as uuv
+        >>> text = "{system: bluerov2_hold, duration: 2, metrics: {depth: 'mean(hull.eta[3])'}}"
+        >>> _ = Path("depth.yaml").write_text(text)
+        >>> study = uuv.Study.read("depth.yaml")
+        >>> study.duration, study.output
+        (Fraction(2, 1), PosixPath('studies/depth'))
         """
         options = read_study(Path(path), loops)
         try:
@@ -138,48 +185,64 @@ class Study:
         restart: bool = False,
         backend: Backend = "auto",
         batch: int | None = None,
-        progress: Progress | None = None,
+        progress: Progress | Literal[False] | None = None,
         cluster: Cluster | None = None,
     ) -> StudyResult:
-        """Run what has not been run yet into a folder, by default `output`.
+        """Run the study into the folder `out`, by default `output`; return its result.
 
-        A fused kernel runs many at once in `jobs` threads. A system that cannot be fused is run by
-        masters in `jobs` processes. With a `cluster`, its workers do either. Results have the same
-        bits in all cases, for every `jobs` and `batch`.
-        Raises StudyInterrupted on Ctrl-C; then the same call continues from there.
+        Runs that an earlier call has finished there are not repeated; with `restart`, the folder is
+        cleared first. With `backend` "auto", a fused kernel makes `batch` runs at once in `jobs`
+        threads; if the system cannot be fused, masters make them in `jobs` processes. "kernel" and
+        "master" require one of them. With a `cluster`, its workers make the runs. The results have
+        the same bits in all cases. `progress(stage, done, total)` is called after each batch;
+        without it, a notebook shows a bar, with False it does not.
+
+        Raises StudyInterrupted on Ctrl-C, after which the same call continues; InputInvalid for a
+        folder of another study; and SystemInvalid if "kernel" is required and impossible. A run
+        whose component fails does not end the study: its row has the message in "failure".
         """
         jobs = (os.cpu_count() or 1) if jobs is None else jobs
         if jobs < 1 or (batch is not None and batch < 1):
             raise InputInvalid(f"jobs {jobs}, batch {batch}", "at least 1")
-        folder = StudyFolder(Path(out) if out is not None else self.output, self.asked, restart)
+        run_bytes = 8 * (self.script.steps // self.script.every + 2) * max(self._width, 1)
+        at_once = min(batch or 8, self.runs.n)
+        refuse_unless_it_fits(
+            "every",
+            f"the samples of {at_once} runs",
+            run_bytes * at_once,
+            "samples that are {times} times as far apart, or a shorter duration",
+        )
+        path = Path(out) if out is not None else self.output
+        folder = StudyFolder(path, self.asked, restart, self.sources)
+        write_ssd(self.system, folder.path / "system.ssd")
         began = time.perf_counter()
         done = folder.done()
         remaining = [r for r in range(self.runs.n) if r not in done]
         remarks = list(self.drawn.remarks)
         used = ""
         if remaining:
-            if progress is not None:
-                progress("building", 0, 1)
-            parts = PARTS if cluster is None else max(PARTS, 4 * cluster.cpus)
-            run_bytes = 8 * len(self.script.ticks) * max(self._width, 1)
-            most = min(max(8, int(MEMORY / run_bytes) // 8 * 8), 512)
-            size = batch or min(most, max(8, 8 * math.ceil(len(remaining) / parts / 8)))
-            simulated, used, why = self._simulated(backend, jobs, len(remaining), size, cluster)
-            remarks += [why] if why else []
-            try:
-                most = size
-                if used == "master":
-                    most = batch or max(1, min(16, len(remaining) // (4 * len(simulated))))
-                self._run(simulated, remaining, folder, most, progress)
-            except KeyboardInterrupt:
-                count = len(folder.done())
-                raise StudyInterrupted(
-                    f"interrupted; {count} of {self.runs.n} runs are kept in {folder.path}, "
-                    "and the same command goes on from there"
-                ) from None
-            finally:
-                for each in simulated:
-                    each.close()
+            with shown(progress) as report:
+                if report is not None:
+                    report("building", 0, 1)
+                parts = PARTS if cluster is None else max(PARTS, 4 * cluster.cpus)
+                most = min(max(8, int(MEMORY / run_bytes) // 8 * 8), 512)
+                size = batch or min(most, max(8, 8 * math.ceil(len(remaining) / parts / 8)))
+                simulated, used, why = self._simulated(backend, jobs, len(remaining), size, cluster)
+                remarks += [why] if why else []
+                try:
+                    most = size
+                    if used == "master":
+                        most = batch or max(1, min(16, len(remaining) // (4 * len(simulated))))
+                    self._run(simulated, remaining, folder, most, report)
+                except KeyboardInterrupt:
+                    count = len(folder.done())
+                    raise StudyInterrupted(
+                        f"interrupted; {count} of {self.runs.n} runs are kept in {folder.path}; "
+                        "repeat the command to continue"
+                    ) from None
+                finally:
+                    for each in simulated:
+                        each.close()
         plan = self._places.plan
         remarks += plan.warnings
         for loop in plan.algebraic_loops:  # delayed ones that diverge, by their gain at the start
@@ -192,7 +255,16 @@ class Study:
 
     @property
     def asked(self) -> dict[str, object]:
-        """Return the settings that identify the study; a folder with others is refused."""
+        """The settings that identify the study; a folder of a study with others is refused.
+
+        Example:
+
+        >>> import uuvsim_cosim as uuv
+        >>> boat = uuv.System("boat", tick="0.1").add("hull", "model:bluerov2_heavy")
+        >>> study = uuv.Study(boat, duration=1, metrics={"depth": "final(hull.eta[3])"}, seeds=2)
+        >>> study.asked["duration"], study.asked["seeds"]
+        ('1', [0, 1])
+        """
         plan = self._places.plan
         start = [
             f"{c.path} {v.name} {np.asarray(c.start.get(v.name, v.start)).tolist()!r}"
@@ -217,17 +289,34 @@ class Study:
             "uuvsim-cosim": __version__,
         }
 
+    @property
+    def sources(self) -> tuple[tuple[str, str], ...]:
+        """The publications of the intervals that the study draws from, as (file, text).
+
+        Example:
+
+        >>> import uuvsim_cosim as uuv
+        >>> from uuvsim_cosim.envs import published
+        >>> boat = uuv.System("boat", tick="0.1").add("hull", "model:bluerov2_heavy")
+        >>> drawn = published("bluerov2_heavy")
+        >>> metrics = {"depth": "final(hull.eta[3])"}
+        >>> uuv.Study(boat, duration=1, metrics=metrics, parameters=drawn).sources[0]
+        ('models/vehicles/bluerov2_heavy/published.yaml', 'von Benzon et al. (2022), Table A1')
+        """
+        drawn = (*self.drawn.parameters, *self.grid)
+        return tuple(dict.fromkeys(source for vary in drawn for source in vary.sources))
+
     # ---- inside ---------------------------------------------------------------------------
 
     @property
     def _width(self) -> int:
-        """Number of signals' elements that metrics read of each sample."""
+        """The number of signals' elements that metrics read in each sample."""
         return sum(self._places.variables[s].size for s in self.script.signals)
 
     def _simulated(
         self, backend: Backend, jobs: int, n: int, size: int, cluster: Cluster | None
     ) -> tuple[list[Simulated], str, str]:
-        """Return the simulators, their name, and why they are no kernel."""
+        """Return the simulators, their name, and the reason if they are not a kernel."""
         why = ""
         if backend != "master":
             try:

@@ -77,7 +77,7 @@ def read_study(path: Path, loops: Loops | None = None) -> StudyOptions:
     grid, gridded = _grid(text, data)
     drawn: Declared | None = None
     if system is not None:
-        drawn = declared_in(text, data, system, skip=gridded)
+        drawn = declared_in(text, data, system, skip=gridded, also=("grid",))
         _check_runs(text, data, system, grid, drawn)
     text.refuse()
     assert system is not None

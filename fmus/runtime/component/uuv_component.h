@@ -14,6 +14,9 @@
 
 #include "uuv_math.h"
 
+/* As many instances with at most so many states are stepped side by side. */
+enum { UUV_TOGETHER = 8, UUV_SMALL = 4 };
+
 enum uuv_type { UUV_FLOAT64 = 0, UUV_INT32 = 1, UUV_BOOLEAN = 2 };
 enum uuv_kind { UUV_TIME = 0, UUV_INPUT, UUV_FIXED, UUV_TUNABLE, UUV_LOCAL, UUV_OUTPUT, UUV_DERIVATIVE };
 
@@ -31,7 +34,7 @@ typedef struct {
     uint64_t period_num, period_den; /* period in seconds, a fraction in lowest terms */
     uint32_t n_draws;                /* standard normals that one tick consumes */
     uint32_t index;                  /* the "variable number" in the key of its draws */
-    void (*update)(const V *b, const V *draws, V *z_new); /* writes all n_z values */
+    void (*update)(V *b, const V *draws, uuv_mask due); /* writes discrete states */
 } uuv_clock;
 
 typedef struct {
@@ -48,11 +51,22 @@ typedef struct {
     const uuv_variable *variables; /* sorted by offset */
     void (*derived)(V *b);          /* parameters -> derived values */
     void (*initial)(V *b);          /* parameters -> states */
-    void (*rhs)(const V *b, V *dx); /* n_x derivatives */
-    void (*outputs)(V *b);          /* -> outputs */
+    uint32_t n_held; /* values of the derivatives that do not change within a step: their space is `w` */
+    void (*derivatives)(const V *b, V *w, V *dx); /* n_x of them */
+    /* n Runge-Kutta steps of length h [s] from time t, of m <= UUV_TOGETHER instances; then each `w`
+     * has what is held */
+    void (*integrate)(V *const *b, V *const *w, uint32_t m, double t, double h, uint32_t n);
+    void (*outputs)(V *b); /* -> outputs */
+    void (*outputs_of_step)(V *b, const V *w); /* the same, after `integrate` */
     /* forward derivative at b: seeds [u, x] (n_u + n_x) -> sensitivities [y, dx] */
     void (*forward)(const V *b, const V *seed, V *sensitivity);
 } uuv_component;
+
+/* The instant of tick k of a clock [s]. */
+typedef struct {
+    uint64_t k;
+    double t;
+} uuv_instant;
 
 typedef struct {
     const uuv_component *component;
@@ -62,7 +76,19 @@ typedef struct {
     int dirty;     /* parameters changed: derived values are stale */
     int outputs_stale;
     int initialized; /* initialization mode has been left */
+    uuv_instant *next; /* of each clock: an instant, which holds if its tick is the next sample */
 } uuv_instance;
+
+/* Where the stepping loop of this package reads and writes the values of a component of its own. An
+ * FMU finds them by `uuv_values_1`, whose number changes with the meaning of these fields. */
+typedef struct uuv_values {
+    double *block;    /* by value reference */
+    const int *dirty; /* as in uuv_instance */
+    int *outputs_stale;
+} uuv_values;
+typedef void uuv_values_function(const void *component, uuv_values *values);
+/* A step of n instances of one component: `uuv_do_steps`, or an FMU's `uuv_fmi2_steps_1`, `uuv_fmi3_steps_1`. */
+typedef uint32_t uuv_steps_function(void *const *components, uint32_t n, double t, double h, int32_t *status);
 
 /* What a generated file provides. */
 #if defined(_WIN32)
@@ -93,6 +119,9 @@ UUV_EXPORT double uuv_next_sample(const uuv_instance *s);
 UUV_EXPORT void uuv_forward(const uuv_instance *s, const V *seed, V *sensitivity);
 /* Advances from t by h [s]; returns 0, or 1 + offset of the first value that is not finite. */
 UUV_EXPORT int32_t uuv_do_step(uuv_instance *s, double t, double h);
+/* The same for n instances of one component, with the same bits. Returns the number of those before
+ * the first that fails, whose result becomes `*bad`. */
+UUV_EXPORT uint32_t uuv_do_steps(uuv_instance *const *s, uint32_t n, double t, double h, int32_t *bad);
 /* Size in bytes of a state of the instance, and copies out and in. */
 UUV_EXPORT size_t uuv_state_size(const uuv_instance *s);
 UUV_EXPORT void uuv_get_state(const uuv_instance *s, void *out);

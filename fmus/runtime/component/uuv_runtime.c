@@ -1,5 +1,5 @@
 /* The life of an instance: start values, refresh of derived values, and do_step, which is
- * RK4 in sub-steps, cut at the sample instants of the component's clocks. */
+ * RK4 in sub-steps (uuv_step.h), cut at the sample instants of the component's clocks. */
 #include "uuv_component.h"
 
 #if !defined(UUV_NO_HEAP) /* without: uuv_static.h */
@@ -24,12 +24,13 @@ static uint32_t max_draws(const uuv_component *c) {
 UUV_EXPORT uuv_instance *uuv_instantiate(const uuv_component *c) {
     uuv_instance *s = calloc(1, sizeof *s);
     if (!s) return NULL;
-    size_t scratch = 6 * (size_t)c->n_x + c->n_z + max_draws(c) + 1;
+    size_t scratch = (size_t)c->n_held + max_draws(c) + 1;
     s->component = c;
     s->b = calloc((size_t)c->n_block + c->n_x, sizeof(V));
     s->k = calloc(c->n_clocks + 1, sizeof *s->k);
+    s->next = calloc(c->n_clocks + 1, sizeof *s->next);
     s->scratch = calloc(scratch, sizeof(V));
-    if (!s->b || !s->k || !s->scratch) {
+    if (!s->b || !s->k || !s->next || !s->scratch) {
         uuv_free(s);
         return NULL;
     }
@@ -41,6 +42,7 @@ UUV_EXPORT void uuv_free(uuv_instance *s) {
     if (!s) return;
     free(s->b);
     free(s->k);
+    free(s->next);
     free(s->scratch);
     free(s);
 }
@@ -93,63 +95,66 @@ UUV_EXPORT void uuv_forward(const uuv_instance *s, const V *seed, V *sensitivity
 
 UUV_EXPORT void uuv_update_derivatives(uuv_instance *s) {
     uuv_refresh(s);
-    s->component->rhs(s->b, s->b + s->component->n_block);
+    s->component->derivatives(s->b, s->scratch, s->b + s->component->n_block);
 }
 
-/* One classical Runge-Kutta step of length h from time t. */
-static void rk4(uuv_instance *s, double t, double h) {
-    const uuv_component *c = s->component;
-    const uint32_t n = c->n_x;
-    V *x = s->b + c->off_x;
-    V *x0 = s->scratch, *k1 = x0 + n, *k2 = k1 + n, *k3 = k2 + n, *k4 = k3 + n;
-    const V half = broadcast(0.5 * h), sixth = broadcast(h / 6.0), whole = broadcast(h);
-    const V two = broadcast(2.0);
-    memcpy(x0, x, n * sizeof(V));
-    s->b[0] = broadcast(t);
-    c->rhs(s->b, k1);
-    s->b[0] = broadcast(t + 0.5 * h);
-    for (uint32_t i = 0; i < n; i++) x[i] = x0[i] + half * k1[i];
-    c->rhs(s->b, k2);
-    for (uint32_t i = 0; i < n; i++) x[i] = x0[i] + half * k2[i];
-    c->rhs(s->b, k3);
-    s->b[0] = broadcast(t + h);
-    for (uint32_t i = 0; i < n; i++) x[i] = x0[i] + whole * k3[i];
-    c->rhs(s->b, k4);
-    for (uint32_t i = 0; i < n; i++)
-        x[i] = x0[i] + sixth * (k1[i] + two * k2[i] + two * k3[i] + k4[i]);
-}
-
-static void integrate(uuv_instance *s, double t, double end) {
-    const uuv_component *c = s->component;
+/* Integrates m instances from t to end; gives 1 if there is something to integrate: the values that
+ * are held are in `scratch` then. */
+static int integrate(uuv_instance *const *s, uint32_t m, double t, double end) {
+    const uuv_component *c = s[0]->component;
     const double length = end - t;
-    if (c->n_x == 0 || length <= 0.0) return;
-    const double pieces = length / c->h_max;
-    uint32_t n = (uint32_t)pieces;
-    if ((double)n < pieces - 1e-6) n++; /* a hair over a whole number is that number */
-    if (n == 0) n = 1;
-    const double h = length / (double)n;
-    for (uint32_t i = 0; i < n; i++) rk4(s, t + (double)i * h, h);
+    V *b[UUV_TOGETHER], *w[UUV_TOGETHER];
+    if (c->n_x == 0 || length <= 0.0) return 0;
+    uint32_t n = 1;
+    if (length > c->h_max) {
+        const double pieces = length / c->h_max;
+        n = (uint32_t)pieces;
+        if ((double)n < pieces - 1e-6) n++; /* a hair over a whole number is that number */
+    }
+    for (uint32_t j = 0; j < m; j++) {
+        b[j] = s[j]->b;
+        w[j] = s[j]->scratch;
+    }
+    c->integrate(b, w, m, t, n == 1 ? length : length / (double)n, n);
+    return 1;
 }
 
-/* Tick k of a clock, in seconds; correctly rounded, as the master's own label of time is. */
-static double instant(const uuv_clock *clock, uint64_t k) {
-    return (double)(k * clock->period_num) / (double)clock->period_den;
+/* Ends a step: outputs, and 0 or 1 + the offset of the first value that is not finite. */
+static int32_t finish(uuv_instance *s, double end, int held) {
+    const uuv_component *c = s->component;
+    s->b[0] = broadcast(end);
+    if (held)
+        c->outputs_of_step(s->b, s->scratch);
+    else
+        c->outputs(s->b);
+    s->outputs_stale = 0;
+    int bad = 0;
+    for (uint32_t i = c->off_x; i < c->n_block; i++) bad |= !uuv_all_finite(s->b[i]);
+    for (uint32_t i = c->off_x; bad && i < c->n_block; i++)
+        if (!uuv_all_finite(s->b[i])) return (int32_t)(1 + i);
+    return 0;
+}
+
+/* The next sample of a clock, in seconds; correctly rounded, as the master's own label of time is. */
+static double instant(const uuv_instance *s, uint32_t i) {
+    const uuv_clock *clock = &s->component->clocks[i];
+    uuv_instant *next = &s->next[i];
+    if (next->k != s->k[i]) /* a division, which most steps spare */
+        *next = (uuv_instant){s->k[i], (double)(s->k[i] * clock->period_num) / (double)clock->period_den};
+    return next->t;
 }
 
 static void tick(uuv_instance *s, uint32_t i) {
     const uuv_component *c = s->component;
     const uuv_clock *clock = &c->clocks[i];
-    V *z_new = s->scratch + 6 * (size_t)c->n_x;
-    V *draws = z_new + c->n_z;
+    V *draws = s->scratch + c->n_held;
     if (clock->n_draws) {
         const uint32_t seed0 = (uint32_t)(int32_t)uuv_lane(s->b[c->off_seed], 0);
         const uint32_t seed1 = (uint32_t)(int32_t)uuv_lane(s->b[c->off_seed + 1], 0);
         uuv_normal(seed0, seed1, clock->index, s->k[i], clock->n_draws, (double *)draws);
     }
-    s->b[0] = broadcast(instant(clock, s->k[i]));
-    memcpy(z_new, s->b + c->off_z, c->n_z * sizeof(V));
-    clock->update(s->b, draws, z_new);
-    memcpy(s->b + c->off_z, z_new, c->n_z * sizeof(V));
+    s->b[0] = broadcast(instant(s, i));
+    clock->update(s->b, draws, ~(uuv_mask)0);
     s->k[i]++;
 }
 
@@ -158,7 +163,7 @@ static uint32_t first_due(const uuv_instance *s, double *at) {
     const uuv_component *c = s->component;
     uint32_t next = c->n_clocks;
     for (uint32_t i = 0; i < c->n_clocks; i++) {
-        const double due = instant(&c->clocks[i], s->k[i]);
+        const double due = instant(s, i);
         if (due < *at) {
             *at = due;
             next = i;
@@ -196,18 +201,30 @@ UUV_EXPORT int32_t uuv_do_step(uuv_instance *s, double t, double h) {
         const uint32_t next = first_due(s, &at);
         if (next == c->n_clocks) break;
         if (at > now + tolerance) {
-            integrate(s, now, at);
+            integrate(&s, 1, now, at);
             now = at;
         }
         tick(s, next);
     }
-    integrate(s, now, end);
-    s->b[0] = broadcast(end);
-    s->outputs_stale = 1;
-    uuv_update_outputs(s);
-    for (uint32_t i = c->off_x; i < c->n_block; i++)
-        if (!uuv_all_finite(s->b[i])) return (int32_t)(1 + i);
-    return 0;
+    return finish(s, end, integrate(&s, 1, now, end));
+}
+
+UUV_EXPORT uint32_t uuv_do_steps(uuv_instance *const *s, uint32_t n, double t, double h, int32_t *bad) {
+    const uuv_component *c = s[0]->component;
+    uint32_t i = 0;
+    if (n == 1 || c->n_clocks || c->n_x > UUV_SMALL) {
+        for (; i < n; i++)
+            if ((*bad = uuv_do_step(s[i], t, h))) return i;
+        return n;
+    }
+    for (uint32_t m; i < n; i += m) {
+        m = n - i < UUV_TOGETHER ? n - i : UUV_TOGETHER;
+        for (uint32_t j = 0; j < m; j++) uuv_refresh(s[i + j]);
+        const int held = integrate(s + i, m, t, t + h);
+        for (uint32_t j = 0; j < m; j++)
+            if ((*bad = finish(s[i + j], t + h, held))) return i + j;
+    }
+    return n;
 }
 
 UUV_EXPORT size_t uuv_state_size(const uuv_instance *s) {

@@ -155,6 +155,16 @@ fmi2Status fmi2DoStep(fmi2Component c, fmi2Real currentCommunicationPoint,
         shell_do_step(c, "fmi2DoStep", currentCommunicationPoint, communicationStepSize));
 }
 
+#ifndef UUV_WHOLE
+
+UUV_EXPORT uint32_t uuv_fmi2_steps_1(void *const *components, uint32_t n, double t, double h,
+                                    int32_t *status) {
+    *status = fmi2Error;
+    return shell_do_steps(components, "fmi2DoStep", n, t, h);
+}
+
+#endif
+
 fmi2Status fmi2GetDirectionalDerivative(fmi2Component c, const fmi2ValueReference vUnknown_ref[],
                                         size_t nUnknown, const fmi2ValueReference vKnown_ref[],
                                         size_t nKnown, const fmi2Real dvKnown[],

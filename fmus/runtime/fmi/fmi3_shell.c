@@ -116,6 +116,17 @@ fmi3Status fmi3Reset(fmi3Instance instance) {
     return fmi3OK;
 }
 
+#ifndef UUV_WHOLE
+
+/* For the stepping loop of this package, with an instance of either shell; everybody else calls FMI's
+ * functions. */
+UUV_EXPORT void uuv_values_1(const void *component, uuv_values *values) {
+    uuv_instance *s = ((const shell *)component)->block;
+    *values = (uuv_values){(double *)s->b, &s->dirty, &s->outputs_stale};
+}
+
+#endif
+
 /* ---- variables ------------------------------------------------------------------------- */
 
 static void write_bool(void *values, size_t i, double value) {
@@ -179,6 +190,16 @@ fmi3Status fmi3DoStep(fmi3Instance instance, fmi3Float64 currentCommunicationPoi
     if (lastSuccessfulTime) *lastSuccessfulTime = ok ? s->time : before;
     return status_of(ok);
 }
+
+#ifndef UUV_WHOLE
+
+UUV_EXPORT uint32_t uuv_fmi3_steps_1(void *const *components, uint32_t n, double t, double h,
+                                    int32_t *status) {
+    *status = fmi3Error;
+    return shell_do_steps(components, "fmi3DoStep", n, t, h);
+}
+
+#endif
 
 /* Directional: sensitivity of unknowns = J · seed of knowns. Adjoint: of knowns = Jᵀ · seed of
  * unknowns, by one forward pass for each element of the knowns. */

@@ -34,7 +34,8 @@ static int shell_exit_initialization(shell *s, const char *function) {
     return 1;
 }
 
-static int shell_do_step(shell *s, const char *function, double t, double h) {
+/* Gives 1 if a step from t by h can be made now, or refuses. */
+static int can_step(shell *s, const char *function, double t, double h) {
     if (!__builtin_isfinite(t))
         return refuse(s, "%s: currentCommunicationPoint is %g; expected a finite number",
                       function, t);
@@ -50,19 +51,49 @@ static int shell_do_step(shell *s, const char *function, double t, double h) {
         return refuse(s, "%s: the step ends at %.17g; expected not after stopTime %.17g",
                       function, t + h, s->stop_time);
     const char *words = uuv_step_refused(s->block, t, h);
-    if (words) return refuse(s, "%s: %s", function, words);
-    const int32_t bad = uuv_do_step(s->block, t, h);
-    s->time = t + h;
+    return !words || refuse(s, "%s: %s", function, words);
+}
+
+/* Ends a step at `time`; `bad` is what uuv_do_step returned. */
+static int end_step(shell *s, const char *function, double time, int32_t bad) {
+    s->time = time;
     if (uuv_failure(s->block)) {
         s->mode = FAILED;
         return refuse(s, "%s: %s", function, uuv_failure(s->block));
     }
-    if (bad) {
-        s->mode = FAILED;
-        return all_finite(s, function, s->time, bad);
-    }
-    return 1;
+    if (!bad) return 1;
+    s->mode = FAILED;
+    return all_finite(s, function, s->time, bad);
 }
+
+static int shell_do_step(shell *s, const char *function, double t, double h) {
+    return can_step(s, function, t, h) && end_step(s, function, t + h, uuv_do_step(s->block, t, h));
+}
+
+#ifndef UUV_WHOLE
+
+/* For the stepping loop of this package: a step of n instances of one FMU. Returns the number of
+ * those before the first that fails. */
+static uint32_t shell_do_steps(void *const *components, const char *function, uint32_t n, double t,
+                               double h) {
+    uuv_instance *blocks[UUV_TOGETHER];
+    for (uint32_t made, i = 0; i < n; i += made) {
+        shell *const *s = (shell *const *)(components + i);
+        uint32_t m = 0;
+        int32_t bad = 0;
+        for (; m < UUV_TOGETHER && m < n - i; m++) {
+            if (!in_mode(s[m], function, STEP_MODE) || !can_step(s[m], function, t, h)) break;
+            blocks[m] = s[m]->block;
+        }
+        made = m ? uuv_do_steps(blocks, m, t, h, &bad) : 0;
+        for (uint32_t j = 0; j < made; j++) s[j]->time = t + h;
+        if (made < m) end_step(s[made], function, t + h, bad);
+        if (made < UUV_TOGETHER && made < n - i) return i + made;
+    }
+    return n;
+}
+
+#endif
 
 /* ---- derivatives ----------------------------------------------------------------------- */
 /* Place of an input or state in [u, x], or of an output or derivative in [y, dx]; -1 if the reference is refused. */

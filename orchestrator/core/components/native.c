@@ -1,22 +1,9 @@
 /* Native components: inputs and outputs are read and written in the instance's own block. */
 #include "tables.h"
-#include "uuv_component.h"
+#include "values.h"
 
 typedef int32_t do_step_function(uuv_instance *s, double t, double h);
 typedef void update_function(uuv_instance *s);
-
-static double to_block(uuv_slot s, int class) {
-    if (class == CLASS_FLOAT) return s.f;
-    return class == CLASS_SIGNED ? (double)s.i : (double)s.u;
-}
-
-static uuv_slot from_block(double x, int class) {
-    uuv_slot s;
-    if (class == CLASS_FLOAT) s.f = x;
-    else if (class == CLASS_SIGNED) s.i = (int64_t)x;
-    else s.u = (uint64_t)x;
-    return s;
-}
 
 static int native_set(member *m, const uuv_slot *slots, uuv_failure *why) {
     uuv_instance *s = m->instance;

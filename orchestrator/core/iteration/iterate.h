@@ -30,7 +30,6 @@ struct iteration {
 };
 
 /* build.c, build_groups.c */
-void *append(void **items, uint32_t *n, size_t size);
 void free_groups(uuv_core *core);
 
 size_t work_size(uint32_t n); /* doubles that the solvers need */

@@ -92,10 +92,10 @@ def test_every_mistake_is_told_with_its_line(tmp_path: Path) -> None:
     [
         ("", "nothing; expected a mapping with users"),
         ("[]", "a list; expected a mapping"),
-        ("listen: 127.0.0.1", "nobody may enter"),
+        ("listen: 127.0.0.1", "no client is admitted"),
         ("users: 3", "expected a mapping, such as ann"),
         ("users: {5: 7}", "users.5: 7; expected a mapping"),
-        ("users: {ann: {role: owner, role: owner}}", "expected YAML"),
+        ("users: {ann: {role: owner, role: owner}}", "expected each name once"),
         ("anyone: observer\nlisten: 0.0.0.0", "0.0.0.0 without tls"),
         ("anyone: observer\ntls: {roles: {a: owner}}", "has no certificate"),
         ("anyone: [1]", "role a list"),
@@ -127,7 +127,7 @@ def test_a_user_has_the_permissions_of_its_role(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("user", "password", "words"),
     [
-        (None, None, "asks who you are; expected user and password"),
+        (None, None, "requires a login; expected user and password"),
         ("ann", "periscope", "user 'ann' or the password is wrong"),
         ("ann", None, "user 'ann' or the password is wrong"),
         ("nobody", "periscope", "user 'nobody' or the password is wrong"),
@@ -199,7 +199,7 @@ def test_loopback_is_what_only_this_machine_reaches(host: str, loopback: bool) -
 
 def test_endpoints_do_not_open_unguarded_beyond_this_machine(tmp_path: Path) -> None:
     file = access_file(tmp_path)
-    with pytest.raises(InputInvalid, match="expected --access FILE that says who may"):
+    with pytest.raises(InputInvalid, match="expected --access FILE with users and roles"):
         server_settings(None, ["0.0.0.0"])
     with pytest.raises(InputInvalid, match="has no tls"):
         server_settings(file, ["0.0.0.0"])
@@ -215,7 +215,7 @@ def test_the_command_refuses_in_one_sentence(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert status_of(["serve", "bluerov2_hold", "--host", "0.0.0.0"]) == 2
-    assert "--anyone to let everybody in" in capsys.readouterr().err
+    assert "--anyone to admit everybody" in capsys.readouterr().err
     assert status_of(["access", "check", str(access_file(tmp_path, "anyone: observer"))]) == 0
     said = capsys.readouterr().out
     assert "manage, read, set, step" in said

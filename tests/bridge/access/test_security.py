@@ -142,7 +142,7 @@ def test_every_call_needs_a_permission_that_an_observer_lacks_or_has(
 ) -> None:
     before = endpoints.conductor.moment()
     for call in [call for call, needed in NEEDS.items() if needed != "read"]:
-        assert "this needs" in ask(endpoints, "bob", call)
+        assert "this call needs" in ask(endpoints, "bob", call)
     assert endpoints.conductor.moment() == before
 
 
@@ -168,7 +168,7 @@ def test_no_code_is_loaded_for_who_is_not_an_owner(
 def test_who_does_not_say_who_he_is_may_do_nothing(endpoints: Endpoints, ask: QuerySender) -> None:
     for call in ("get", "set", "step"):
         said = ask(endpoints, None, call)
-        assert said == "this co-simulation asks who you are; expected user and password"
+        assert said == "this co-simulation requires a login; expected user and password"
 
 
 @DOORS
@@ -182,8 +182,8 @@ def test_a_wrong_password_is_said(
 @DOORS
 def test_where_anyone_may_look_he_may_look_only(open_to_look: Endpoints, ask: QuerySender) -> None:
     assert ask(open_to_look, None, "get") == ""
-    assert "this needs 'step'" in ask(open_to_look, None, "step")
-    assert "this needs 'set'" in ask(open_to_look, None, "set")
+    assert "this call needs 'step'" in ask(open_to_look, None, "step")
+    assert "this call needs 'set'" in ask(open_to_look, None, "set")
     assert ask(open_to_look, "ann", "step") == ""
 
 

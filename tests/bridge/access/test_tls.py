@@ -133,8 +133,8 @@ def test_with_the_ca_and_a_password_every_endpoint_opens(tls: Endpoints, pki: Pk
     context = client_context(pki.ca, None, None)
     assert at_tcp(tls.tcp.port, context, **ANN)["allowed"] == ["manage", "read", "set", "step"]
     assert at_http(tls.http.port, context, f"ann:{PASSWORDS['ann']}")[0] == 200
-    assert "asks who you are" in at_http(tls.http.port, context)[1]["error"]
-    assert "asks who you are" in at_tcp(tls.tcp.port, context)["error"]
+    assert "requires a login" in at_http(tls.http.port, context)[1]["error"]
+    assert "requires a login" in at_tcp(tls.tcp.port, context)["error"]
     assert tls.http.addresses[0].startswith("https://")
 
 
@@ -147,13 +147,13 @@ def test_another_ca_is_said(tls: Endpoints, other: Pki) -> None:
 
 
 def test_a_client_without_tls_is_told_to_speak_it(tls: Endpoints) -> None:
-    with pytest.raises(InputInvalid, match=r"it speaks TLS; expected ca="):
+    with pytest.raises(InputInvalid, match=r"it uses TLS; expected ca="):
         connect(port=tls.zenoh.port, **ANN)
     with socket.create_connection(("127.0.0.1", tls.tcp.port)) as plain:
         plain.sendall(frame({"call": "hello", "protocol": 1}))
-        assert b"this server speaks TLS" in plain.recv(1 << 16)
+        assert b"this server uses TLS" in plain.recv(1 << 16)
     with socket.create_connection(("127.0.0.1", tls.tcp.port)) as silent:
-        assert b"this server speaks TLS" in silent.recv(1 << 16)
+        assert b"this server uses TLS" in silent.recv(1 << 16)
     with socket.create_connection(("127.0.0.1", tls.http.port)) as plain:
         plain.sendall(b"GET / HTTP/1.1\r\nHost: localhost\r\n\r\n")
         assert b"https://" in plain.makefile("rb").read()
@@ -162,7 +162,7 @@ def test_a_client_without_tls_is_told_to_speak_it(tls: Endpoints) -> None:
 def test_tls_where_nobody_speaks_it_is_said(pki: Pki) -> None:
     with (
         Bridge(System("sums", "0.1").add("sum", f"{PARTS}:Sum"), port=0) as bridge,
-        pytest.raises(UuvsimError, match="it does not speak TLS"),
+        pytest.raises(UuvsimError, match="it does not use TLS"),
     ):
         connect(port=bridge.port, ca=pki.ca)
 
@@ -197,7 +197,7 @@ def test_a_certificate_has_the_role_that_the_file_says(mutual: Endpoints, pki: P
         with connect(port=mutual.zenoh.port, ca=pki.ca, **shown) as client:
             assert client.allowed == allowed
             if "step" not in allowed:
-                with pytest.raises(InputInvalid, match="this needs 'step'"):
+                with pytest.raises(InputInvalid, match="this call needs 'step'"):
                     client.step(1)
         context = client_context(pki.ca, shown["certificate"], shown["key"])
         assert set(at_tcp(mutual.tcp.port, context)["allowed"]) == allowed
@@ -210,12 +210,12 @@ def test_a_certificate_that_the_file_does_not_name_needs_a_user(
     shown = pki.client("unnamed")
     with connect(port=mutual.zenoh.port, ca=pki.ca, **shown, **ANN) as client:
         assert "manage" in client.allowed
-    with pytest.raises(InputInvalid, match="asks who you are"):
+    with pytest.raises(InputInvalid, match="requires a login"):
         connect(port=mutual.zenoh.port, ca=pki.ca, **shown)
     context = client_context(pki.ca, shown["certificate"], shown["key"])
-    assert "asks who you are" in at_tcp(mutual.tcp.port, context)["error"]
+    assert "requires a login" in at_tcp(mutual.tcp.port, context)["error"]
     status, told = at_http(mutual.http.port, context)
-    assert (status, "asks who you are" in told["error"]) == (401, True)
+    assert (status, "requires a login" in told["error"]) == (401, True)
 
 
 def test_nobody_joins_by_the_certificate_of_another(mutual: Endpoints, pki: Pki) -> None:
@@ -232,14 +232,14 @@ def test_nobody_joins_by_the_certificate_of_another(mutual: Endpoints, pki: Pki)
 def test_no_certificate_or_one_of_another_ca_is_said(
     mutual: Endpoints, pki: Pki, other: Pki
 ) -> None:
-    with pytest.raises(InputInvalid, match="it asks for a certificate of this client"):
+    with pytest.raises(InputInvalid, match="it requires a certificate of this client"):
         connect(port=mutual.zenoh.port, ca=pki.ca, **ANN)
     with pytest.raises(InputInvalid, match="does not know the CA of this client's certificate"):
         connect(port=mutual.zenoh.port, ca=pki.ca, **other.client("rov-1"))
     none = client_context(pki.ca, None, None)
-    assert "asks for a certificate" in at_tcp(mutual.tcp.port, none, **ANN)["error"]
+    assert "requires a certificate" in at_tcp(mutual.tcp.port, none, **ANN)["error"]
     status, told = at_http(mutual.http.port, none, f"ann:{PASSWORDS['ann']}")
-    assert (status, "asks for a certificate" in told["error"]) == (401, True)
+    assert (status, "requires a certificate" in told["error"]) == (401, True)
     shown = other.client("rov-1")
     wrong = client_context(pki.ca, shown["certificate"], shown["key"])
     with pytest.raises((ssl.SSLError, ConnectionError)):

@@ -38,8 +38,8 @@ from uuvsim_cosim.errors import InputInvalid, UuvsimError
 from uuvsim_cosim.orchestrator.system.system import System
 
 PARTS = Path(__file__).parents[1] / "parts.py"
-ASKS = "this co-simulation requires a token. Programs of the user who serves find it in "
-WRONG = "the token is wrong. Programs of the user who serves find it in "
+ASKS = "this co-simulation requires a token. Programs of the server's user find it in "
+WRONG = "the token is wrong. Programs of the server's user find it in "
 
 
 @dataclass
@@ -146,8 +146,8 @@ def test_without_the_token_nothing_is_answered_and_where_it_is_is_said(
         for token, words in (("", ASKS), ("x" * 43, WRONG)):
             said = ask(endpoints, token, call, {})
             if ask is at_zenoh:
-                assert "opens no session to this client: it requires a" in said
-                assert f"Programs of the user who serves find the token in {folder}" in said
+                assert "opens no session to this client: the server requires a" in said
+                assert f"Programs of the server's user find the token in {folder}" in said
             else:
                 assert f"{words}{folder}" in said
 
@@ -259,14 +259,14 @@ def test_a_client_takes_no_token_that_others_may_know_or_have_made(
         else:
             file.unlink()
             os.mkfifo(file, 0o600)
-        with pytest.raises(InputInvalid, match=r"expected (a f|what a server)"):
+        with pytest.raises(InputInvalid, match=r"expected (a f|a file written by a server)"):
             known_token("127.0.0.1", 4711)
 
 
 def test_a_folder_that_others_may_enter_is_refused(folder: Path) -> None:
     folder.mkdir(mode=0o700)
     folder.chmod(0o755)
-    with pytest.raises(InputInvalid, match=r"its mode 755 lets other users in.*mode 700"):
+    with pytest.raises(InputInvalid, match=r"its mode 755 gives other users access.*mode 700"):
         Bridge(sums(), port=0)
     with pytest.raises(InputInvalid, match="its mode 755"):
         known_token("127.0.0.1", 4711)
@@ -485,7 +485,7 @@ def test_a_log_does_not_hold_the_token(
         assert capsys.readouterr().out == f"Authorization: Bearer {token}\n"
     assert list(folder.iterdir()) == []
     assert status_of(["access", "token", "--port", str(port)]) == 2
-    assert "no server of yours asks for a token there" in capsys.readouterr().err
+    assert "none of your servers uses a token there" in capsys.readouterr().err
 
 
 def test_serving_anyone_is_warned_of(folder: Path, system: None) -> None:

@@ -113,7 +113,7 @@ WRONG: list[tuple[str, Any, str]] = [
     ("set", {"values": {"a.u": "1 kg"}}, "kg"),
     ("set", {"values": {"a.u": 1e999}}, "is no JSON"),
     ("set", {"values": {"a.v": [[1.0, 2.0, 3.0]]}}, "3 values of type Float64"),
-    ("set", {"values": {"a.v": [1.0, [2.0], 3.0]}}, "uneven"),
+    ("set", {"values": {"a.v": [1.0, [2.0], 3.0]}}, "lists of different lengths"),
     ("set", {"values": {"a.v": [1.0, True, 3.0]}}, "values of type Float64"),
     ("set", {"values": {"a.v": [1.0, "2", 3.0]}}, "values of type Float64"),
     ("set", {"values": {"a.v": 1.0}}, "a scalar; expected 3 values"),

@@ -196,7 +196,7 @@ def test_a_script_ends_though_its_connection_is_open(bridge: Bridge, client: Con
 
 
 def test_nobody_there_is_said_in_words() -> None:
-    with pytest.raises(Disconnected, match=r"nobody answers at .* expected .*uuvsim serve"):
+    with pytest.raises(Disconnected, match=r"no server answers at .* expected .*uuvsim serve"):
         uuv.connect(port=free_port("127.0.0.1"))
 
 
@@ -216,7 +216,7 @@ def test_one_whose_co_simulation_ends_is_told_and_its_blocks_end() -> None:
         client = uuv.connect(port=own.port)
         blocks = client.subscribe("sum.s")
     assert list(blocks) == []
-    with pytest.raises(Disconnected, match="'sums' is gone"):
+    with pytest.raises(Disconnected, match="'sums' has ended"):
         client.step()
     client.close()
 

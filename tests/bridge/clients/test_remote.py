@@ -171,7 +171,7 @@ def test_an_unknown_name_is_refused_with_those_that_are_served(served: Component
 
 
 def test_nobody_there_is_said_in_words() -> None:
-    with pytest.raises(SystemInvalid, match=r"nobody answers at .* expected serve_component"):
+    with pytest.raises(SystemInvalid, match=r"no server answers at .* expected serve_component"):
         system(f"remote:sum@127.0.0.1:{free_port('127.0.0.1')}")
 
 

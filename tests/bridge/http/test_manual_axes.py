@@ -94,7 +94,7 @@ def test_one_page_pilots_and_another_may_after_a_silence_or_a_release() -> None:
     clock = Clock()
     manual_axes = ManualAxes("pilot", clock)
     assert manual_axes.update("page-1", {"surge": 1.0}) is None
-    assert "another page pilots" in str(manual_axes.update("page-2", {"surge": -1.0}))
+    assert "another page controls" in str(manual_axes.update("page-2", {"surge": -1.0}))
     assert manual_axes.now()[0] == 1.0
     clock.now += HELD + 0.1
     assert manual_axes.update("page-2", {"surge": -1.0}) is None
@@ -189,7 +189,7 @@ def test_keys_move_a_vehicle_and_let_it_brake() -> None:
 
 def test_pilot_means_what_gives_the_wanted_pose_where_nothing_has_the_name() -> None:
     swaps = {"pilot": "keyboard", "hull": "other.fmu"}
-    with_keyboards("bluerov2_hold", swaps)
+    with_keyboards(lambda: load("bluerov2_hold"), swaps)
     assert swaps == {"guidance": "keyboard:", "hull": "other.fmu"}
 
 
@@ -236,7 +236,7 @@ def test_a_page_pilots_and_a_second_one_is_told() -> None:
         assert len(first["seen"]["eta"]) == 6
         second = json.loads(ask("POST", "/pilot", {"page": "second", "axes": {"surge": -1}}))
         assert not second["pilots"]
-        assert "another page pilots guidance" in second["words"]
+        assert "another page controls guidance" in second["words"]
         ask("POST", "/pilot", {"page": "first", "release": True})
         assert json.loads(ask("POST", "/pilot", {"page": "second", "axes": {}}))["pilots"]
 
@@ -244,17 +244,20 @@ def test_a_page_pilots_and_a_second_one_is_told() -> None:
 def test_what_a_page_says_wrongly_is_refused_in_words() -> None:
     with Conductor(system()) as service:
         for said, words in (
-            ({"page": "first", "component": "hull"}, "hull' takes no pilot; expected one of guid"),
+            (
+                {"page": "first", "component": "hull"},
+                "hull' has no manual control; expected one of guid",
+            ),
             ({"page": 1}, "expected a text of 4 to 64 letters"),
             ({"page": "first", "axes": [1]}, "expected an object"),
             ({"page": "first", "keys": {}}, "field 'keys'"),
         ):
             with pytest.raises(InputInvalid, match=words):
                 steer(service, ME, said)
-        with pytest.raises(InputInvalid, match="this needs 'set'"):
+        with pytest.raises(InputInvalid, match="this call needs 'set'"):
             steer(service, Client("eyes", "http", frozenset({"read"})), {"page": "first"})
     with (
         Conductor(System("sums", "0.1").add("sum", f"{PARTS}:Sum")) as service,
-        pytest.raises(InputInvalid, match="nothing here takes a pilot"),
+        pytest.raises(InputInvalid, match="no component has manual control"),
     ):
         steer(service, ME, {"page": "first"})

@@ -101,8 +101,8 @@ def test_a_run_is_recorded_and_a_snapshot_restored(endpoint: HttpServer) -> None
     ("method", "path", "body", "status", "words"),
     [
         ("GET", "/descibe", None, 404, "did you mean describe"),
-        ("GET", "/step", None, 405, "by POST"),
-        ("POST", "/schema", {}, 405, "by GET"),
+        ("GET", "/step", None, 405, "needs POST"),
+        ("POST", "/schema", {}, 405, "needs GET"),
         ("GET", "/signals?names=plant.z", None, 400, "did you mean plant.y"),
         ("POST", "/set", {"plant.u": [1]}, 400, "1 values; expected 2 values of type Float64"),
         ("POST", "/set", [1], 400, "expected an object"),
@@ -150,7 +150,7 @@ def test_what_is_no_json_is_answered_in_words(endpoint: HttpServer) -> None:
     ("headers", "words"),
     [
         ({"Host": "evil.example"}, "expected localhost"),
-        ({"Origin": "http://evil.example"}, "a page of http://evil.example asks"),
+        ({"Origin": "http://evil.example"}, "the request is from a page of http://evil.example"),
         ({"Content-Type": "text/plain"}, "expected application/json"),
     ],
 )
@@ -176,7 +176,7 @@ def test_a_role_allows_what_it_allows(service: FakeService) -> None:
         assert "user or password is wrong" in read["error"]
         assert ask(endpoint, "GET", "/signals?names=plant.y", Authorization=code)[0] == 200
         status, read = ask(endpoint, "POST", "/step", {}, Authorization=code)
-        assert (status, read["error"]) == (403, "step: this needs 'step'; your role may read")
+        assert (status, read["error"]) == (403, "step: this call needs 'step'; your role may read")
 
 
 def test_the_page_loads_nothing_from_elsewhere(endpoint: HttpServer) -> None:

@@ -68,7 +68,7 @@ def test_integers_of_64_bits_are_exact_in_octave(first_order_fmi3: Path) -> None
     with Conductor(system, backend="fmu") as conductor, TcpServer(conductor, 0) as endpoint:
         words = said(_INTEGERS % endpoint.port).splitlines()
     assert "0.5 was given; expected whole numbers of int64" in words[0]
-    assert "an integer was given that no UInt64 holds" in words[1]
+    assert "an integer was given that does not fit UInt64" in words[1]
     assert "18446744073709551615 is not exact as float64" in words[2]
     assert words[3:] == ["exact"]
 

@@ -102,4 +102,4 @@ def test_models_and_the_block_do_what_they_should_with_a_double_of_simulink(
 def test_what_needs_simulink_says_so_without_it() -> None:
     for call in ("uuvsim.build_simulink('a.fmu')", "build_controller(struct())"):
         words = said(f"try, {call}, catch e, disp(e.message), end")
-        assert "Simulink is not here" in words, words
+        assert "Simulink is not installed" in words, words

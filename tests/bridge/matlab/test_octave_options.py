@@ -59,7 +59,7 @@ def test_octave_finds_the_token_and_others_are_told_where_it_is(port: int) -> No
     tried = f"try, uuvsim.connect('port', {port}, 'token', 'x'), catch e, disp(e.message), end"
     lines = said(f"s = uuvsim.connect('port', {port}); disp(strjoin(s.allowed)); {tried}")
     assert lines.splitlines()[0] == "manage read set step"
-    where = f"Programs of the user who serves find it in {token_file(port).parent}"
+    where = f"Programs of the server's user find it in {token_file(port).parent}"
     assert f"the token is wrong. {where}" in lines
 
 

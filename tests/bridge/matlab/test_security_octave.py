@@ -42,6 +42,6 @@ def test_octave_enters_with_a_password_and_is_refused_in_words(ports: tuple[int,
         f"try, uuvsim.connect('port', {ports[1]}, {known}); catch e, disp(e.message); end"
     ).splitlines()
     assert lines[0] == "read"
-    assert "this needs 'step'" in lines[1]
-    assert lines[2] == "uuvsim: this co-simulation asks who you are; expected user and password"
-    assert lines[3].startswith("uuvsim: this server speaks TLS")
+    assert "this call needs 'step'" in lines[1]
+    assert lines[2] == "uuvsim: this co-simulation requires a login; expected user and password"
+    assert lines[3].startswith("uuvsim: this server uses TLS")

@@ -158,7 +158,7 @@ def test_a_replacement_that_does_not_fit_leaves_all_as_it_is(service: Conductor)
 def test_a_role_that_may_only_read_is_told_what_it_needs(service: Conductor) -> None:
     reader = Client("reader", "local", frozenset({"read"}))
     assert service.get(reader, ["sum.s"]) == {"sum.s": 0.0}
-    with pytest.raises(InputInvalid, match="'reader' may read, and this needs 'step'"):
+    with pytest.raises(InputInvalid, match="'reader' may read, but this call needs 'step'"):
         service.step(reader)
 
 
@@ -263,14 +263,14 @@ def test_one_that_leaves_is_no_longer_waited_for(service: Conductor) -> None:
 def test_a_late_one_is_dropped_and_told_so(service: Conductor) -> None:
     a, late = held(service, "a", "late", lag=0.05)
     assert service.step(a)[0].tick == 1
-    with pytest.raises(InputInvalid, match=r"'late' was dropped .* within 0\.05 s"):
+    with pytest.raises(InputInvalid, match=r"'late' was removed .* within 0\.05 s"):
         service.step(late)
 
 
 def test_a_late_one_pauses_all_where_that_is_configured() -> None:
     with Conductor(system(), fail_safe="pause") as service:
         a, late = held(service, "a", "late", lag=0.05)
-        with pytest.raises(InputInvalid, match="'late' did not ask"):
+        with pytest.raises(InputInvalid, match="'late' did not request"):
             service.step(a)
         assert service.moment().tick == 0
         waiting = service.ask("step", late, 1, None, [])
@@ -292,7 +292,7 @@ def test_one_that_is_lost_inside_a_step_is_no_longer_waited_for(service: Conduct
     waiting = service.ask("step", gone, 5, None, [])
     service.ask("step", a, 1, None, []).result()
     service.lost(gone)
-    with pytest.raises(InputInvalid, match="'gone' is gone"):
+    with pytest.raises(InputInvalid, match="'gone' has disconnected"):
         waiting.result()
     assert service.step(a)[0].tick == 2
 
@@ -302,7 +302,7 @@ def test_one_that_is_lost_pauses_all_where_that_is_configured() -> None:
         a, gone = held(service, "a", "gone")
         waiting = service.ask("step", a, 1, None, [])
         service.lost(gone)
-        with pytest.raises(InputInvalid, match="'gone' is gone"):
+        with pytest.raises(InputInvalid, match="'gone' has disconnected"):
             waiting.result()
         assert service.step(a)[0].tick == 1
 
@@ -336,7 +336,7 @@ def test_an_impatient_client_is_dropped_though_a_patient_one_is_missing_too(
         service.describe()
     assert not waiting.done()
     assert service.step(patient)[0].tick == waiting.result()[0].tick == 1
-    with pytest.raises(InputInvalid, match=r"did not ask for a step within 0\.05 s"):
+    with pytest.raises(InputInvalid, match=r"did not request a step within 0\.05 s"):
         service.step(late)
 
 
@@ -384,7 +384,7 @@ def test_a_dismissed_client_holds_time_no_longer_and_is_told_by_whom(service: Co
     assert [(c["name"], c["lockstep"]) for c in service.describe()["clients"]] == [
         ("a", True), ("idle", False),
     ]  # fmt: skip
-    with pytest.raises(InputInvalid, match="'idle' was dismissed from lockstep by 'me'; expected"):
+    with pytest.raises(InputInvalid, match="'idle' was removed from lockstep by 'me'; expected"):
         service.step(idle)
 
 
@@ -393,7 +393,7 @@ def test_the_step_that_a_dismissed_client_waits_for_is_answered(service: Conduct
     (dismissed,) = held(service, "dismissed")
     waiting = service.ask("step", dismissed, 1, None, [])
     service.dismiss(ME, "dismissed")
-    with pytest.raises(InputInvalid, match="was dismissed from lockstep by 'me' before its step"):
+    with pytest.raises(InputInvalid, match="was removed from lockstep by 'me' before its step"):
         waiting.result()
     assert service.moment().tick == 0
 
@@ -403,7 +403,7 @@ def test_who_holds_no_time_cannot_be_dismissed(service: Conductor) -> None:
     with pytest.raises(InputInvalid, match=r"no client 'b' holds time in lockstep; expected .*a"):
         service.dismiss(ME, "b")
     stepper = Client("c", "local", frozenset({"read", "set", "step"}))
-    with pytest.raises(InputInvalid, match="this needs 'manage'"):
+    with pytest.raises(InputInvalid, match="this call needs 'manage'"):
         service.dismiss(stepper, "a")
 
 
@@ -440,7 +440,9 @@ def test_snapshots_of_a_client_that_has_left_stay_and_do_not_count_for_the_next(
 def test_a_snapshot_of_replaced_components_is_refused_with_the_reason(service: Conductor) -> None:
     kept = service.snapshot(ME)
     service.replace(ME, "sum", SUM)
-    with pytest.raises(InputInvalid, match=f"'{kept}', which was of the components before a repl"):
+    with pytest.raises(
+        InputInvalid, match=f"'{kept}', which was taken before a component was replaced"
+    ):
         service.restore(ME, kept)
 
 

@@ -338,7 +338,7 @@ def test_a_port_that_opens_no_session_is_told_from_one_where_nobody_is() -> None
         port = silent.getsockname()[1]
         closing = threading.Thread(target=lambda: [silent.accept()[0].close() for _ in range(3)])
         closing.start()
-        with pytest.raises(Disconnected, match=rf"port {port}, takes connections, but opens no"):
+        with pytest.raises(Disconnected, match=rf"port {port}, accepts connections, but opens no"):
             connecting("127.0.0.1", port)
         for _ in range(3):
             with contextlib.suppress(OSError):
@@ -385,7 +385,7 @@ def test_a_lockstep_client_that_dies_at_the_tcp_endpoint_pauses_where_that_is_wa
         asked(conductor, lives)
         dies.socket.close()
         told = lives.answer()[0]
-        assert "client 'dies' is gone, and the co-simulation pauses" in told["error"]
+        assert "client 'dies' has disconnected, and the co-simulation is paused" in told["error"]
         assert conductor.moment().tick == 0
 
 

@@ -145,12 +145,12 @@ def test_a_file_cut_off_or_of_another_kind_is_refused_in_a_sentence(
     whole = (run / "run.mcap").read_bytes()
     for cut in (0, 7, 100, len(whole) // 2, len(whole) - 9):
         (tmp_path / "cut.mcap").write_bytes(whole[:cut])
-        with pytest.raises(RecordingError, match="cut off or damaged"):
+        with pytest.raises(RecordingError, match="is incomplete or damaged"):
             Playback(tmp_path / "cut.mcap")
     damaged = bytearray(whole)
     damaged[len(whole) // 3] ^= 0xFF
     (tmp_path / "bad.mcap").write_bytes(damaged)
-    with pytest.raises(RecordingError, match="cut off or damaged"):
+    with pytest.raises(RecordingError, match="is incomplete or damaged"):
         Playback(tmp_path / "bad.mcap")
 
 

@@ -17,7 +17,7 @@ def test_the_oldest_snapshot_of_a_client_that_has_left_makes_room_and_the_reason
     kept.client_left("client 1")
     kept.check("another")
     assert kept.add("new", "another") == f"s{ALL + 1}"
-    with pytest.raises(InputInvalid, match=f"'s{EACH + 1}', which .* made room for one of {ALL}"):
+    with pytest.raises(InputInvalid, match=f"'s{EACH + 1}', which .* to keep at most {ALL}"):
         kept.find(f"s{EACH + 1}")
     assert kept.find(f"s{EACH + 2}") == EACH + 1
     kept.discard(f"s{EACH + 3}")

@@ -232,7 +232,7 @@ def test_a_role_allows_what_it_allows(service: FakeService) -> None:
             assert refused.ended()
         with Peer(endpoint.port, user="ann", password="secret") as peer:
             assert peer.ask({"call": "get", "names": ["plant.y"]})[0]["ok"]
-            assert "this needs 'step'" in peer.ask({"call": "step"})[0]["error"]
+            assert "this call needs 'step'" in peer.ask({"call": "step"})[0]["error"]
 
 
 def test_a_port_in_use_is_refused_in_words(service: FakeService, endpoint: TcpServer) -> None:

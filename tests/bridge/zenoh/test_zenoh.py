@@ -164,7 +164,7 @@ def test_components_and_clients_are_seen_to_live(session: WrappedSession, bridge
         ("replace", {"component": "smu", "source": "no.fmu"}, "sum"),
         ("reset", {"seed": "x"}, "whole number"),
         ("step", {"client": "nobody"}, "not joined"),
-        ("join", {"protocol": 99, "version": "9.9", "client": "x"}, "speaks protocol 99"),
+        ("join", {"protocol": 99, "version": "9.9", "client": "x"}, "uses protocol 99"),
         ("join", {"client": ""}, "an id of its own"),
         ("join", {"client": "x", "lockstep": True, "lag": -1}, "more than 0"),
     ],

@@ -7,7 +7,7 @@ from uuvsim_cosim.errors import InputInvalid
 
 
 def test_a_policy_of_another_task_is_played_only_if_asked_for() -> None:
-    with pytest.raises(InputInvalid, match=r"source_sac: was trained in source, and not in target"):
+    with pytest.raises(InputInvalid, match=r"source_sac: was trained in source, not in target"):
         acting_of(["source_sac"], "target", {}, own_task=True)
     assert acting_of(["source_sac"], "source", {}, own_task=True).name == "source"
     assert acting_of(["source_sac"], "target", {}).name == "target"

@@ -38,7 +38,10 @@ def test_a_page_is_made_where_nothing_has_been_run(
         (["train", "--curriculum", "stt", "--seed", "-1"], "--seed -1: expected 0"),
         (["train", "--curriculum", "none.yaml"], "no such file; expected a curriculum"),
         (["train", "target", "--curriculum", "stt", "--steps", "9"], "steps of each stage"),
-        (["train", "target", "--curriculum", "stt", "--seeds", "2"], "--seeds: of one training"),
+        (
+            ["train", "target", "--curriculum", "stt", "--seeds", "2"],
+            "--seeds: applies to one training",
+        ),
         (
             ["train", "uuvsim/StationKeeping-v0", "--curriculum", "stt"],
             "curriculum stt ends with target",

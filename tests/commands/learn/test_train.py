@@ -101,8 +101,8 @@ def test_policies_are_evaluated_beside_the_scripted_one(trained: Path, uuvsim: U
     ("name", "said"),
     [
         ("best.npz", "expected a table's name, FILE.csv"),
-        ("thesis.csv", "is there, and no table of `uuvsim evaluate`"),
-        ("nowhere/e.csv", "expected a file in a folder that is there"),
+        ("thesis.csv", "exists and is no table of `uuvsim evaluate`"),
+        ("nowhere/e.csv", "expected a file in an existing folder"),
     ],
 )
 def test_a_table_replaces_nothing_but_a_table(name: str, said: str, uuvsim: Uuvsim) -> None:
@@ -131,6 +131,35 @@ def test_an_episode_is_played_as_picture_page_and_pictures(trained: Path, uuvsim
     assert Path("source-random-2000000.html").read_text().count("<img") == 6
 
 
+@pytest.mark.parametrize(("vehicle", "actions", "scripted"), [("my_rov", 5, 2), ("remus100", 5, 1)])
+def test_a_policy_is_trained_evaluated_and_played_with_a_vehicle_by_name(
+    vehicle: str,
+    actions: int,
+    scripted: int,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """`my_rov` is a folder of the user, whose pitch is passive; fins have no scripted policy."""
+    monkeypatch.chdir(tmp_path)
+    assert status_of(["models", "new", "my_rov"]) == 0
+    words = (
+        "train", "uuvsim/StationKeeping-v0", "--envs", "4", "--set", "hidden=8", "--set",
+        "batch=16", "--set", "warm_up=32", "--task-set", "horizon=2", "--task-set",
+        f"vehicle={vehicle}", "--evaluate-every", "80", "--evaluation-episodes", "4",
+    )  # fmt: skip
+    assert status_of([*words, "--steps", "80"]) == 0
+    assert status_of([*words, "--steps", "160"]) == 0  # continues
+    (folder,) = (tmp_path / "runs" / "train").iterdir()
+    with (folder / "evaluations.csv").open() as file:
+        assert [row["step"] for row in csv.DictReader(file)] == ["0.0", "80.0", "160.0"]
+    with np.load(folder / "policy.npz") as kept:
+        assert kept["2.bias"].shape == (actions,)
+    assert status_of(["evaluate", str(folder), "--episodes", "4", "-o", "figures.csv"]) == 0
+    rows = (tmp_path / "figures.csv").read_text(encoding="utf-8").splitlines()
+    assert len({row.split(",")[0] for row in rows[1:]}) == scripted
+    assert status_of(["play", "--policy", str(folder), "-o", "episode.html"]) == 0
+
+
 @pytest.mark.parametrize(
     ("words", "said"),
     [
@@ -140,7 +169,7 @@ def test_an_episode_is_played_as_picture_page_and_pictures(trained: Path, uuvsim
         ),
         ("train source --algo sax", "algorithm 'sax'; expected "),
         ("train source --algo dqm", "algorithm 'dqm'; expected "),
-        ("train", "no task; expected one, as in `uuvsim train transition_1`, or --config"),
+        ("train", "no task; expected a task, as in `uuvsim train transition_1`, or --config"),
         ("train source --config nowhere.yaml", "nowhere.yaml: no such file"),
         ("train source --set lr", "--set lr: expected NAME=VALUE"),
         ("train source --set lr=-1", "lr -1; expected a number, more than 0"),
@@ -205,6 +234,15 @@ def test_without_torch_training_says_which_extra_and_acting_works(
     status, out, _ = uuvsim("evaluate", str(trained), "--episodes", "2")
     assert status == 0
     assert "return" in out
+
+
+def test_without_threadpoolctl_training_names_the_extra(
+    uuvsim: Uuvsim, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(sys.modules, "threadpoolctl", None)
+    status, _, err = uuvsim("train", "source")
+    assert status == 2
+    assert "threadpoolctl is not installed; expected pip install 'uuvsim-cosim[rl]'" in err
 
 
 def test_a_curve_rises_as_its_values_do() -> None:

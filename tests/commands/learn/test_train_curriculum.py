@@ -90,14 +90,16 @@ def test_begun_anew_is_what_is_a_curriculum_and_nothing_else(uuvsim: Uuvsim) -> 
     assert uuvsim("--no-report")[0] == 0
     status, _, err = uuvsim("--no-report", "--envs", "4")
     assert status == 2
-    assert "c: holds a curriculum with envs 8; expected 4, another folder (-o), or to begin" in err
+    assert (
+        "c: holds a curriculum with envs 8; expected 4, another folder (-o), or a new start" in err
+    )
     status, _, _ = uuvsim("--no-report", "--envs", "4", "--restart")
     assert status == 0
     assert json.loads(Path("c/curriculum.json").read_text())["curriculum"]["envs"] == 4
     Path("c/curriculum.json").unlink()
     status, _, err = uuvsim("--no-report", "--restart")
     assert status == 2
-    assert "c: holds other things; expected an empty or a new folder" in err
+    assert "c: contains other files; expected an empty or a new folder" in err
     assert Path("c/1-source/best.npz").is_file()
 
 
@@ -105,4 +107,4 @@ def test_begun_anew_is_what_is_a_curriculum_and_nothing_else(uuvsim: Uuvsim) -> 
 def test_options_of_one_training_are_refused(option: str, uuvsim: Uuvsim) -> None:
     status, _, err = uuvsim(option, "3")
     assert status == 2
-    assert f"{option}: of one training; expected --curriculum without it" in err
+    assert f"{option}: applies to one training; expected --curriculum without it" in err

@@ -26,7 +26,7 @@ def test_the_values_before_a_failure_are_kept_and_named(
     options = ["--until", "1", "--step", "0.1", "--set", "fault=1", "--set", "fault_time=0.5"]
     assert status_of(["run", str(first_order_fmi2), *options, "-o", str(out)]) == 3
     said = "".join(capsys.readouterr())
-    assert f"the values up to then are in {out}" in said
+    assert f"the values up to that time are in {out}" in said
     assert "failed at t = 0.6 s: y is not finite" in said
     with out.open(newline="") as file:
         times = [float(row["time"]) for row in csv.DictReader(file)]

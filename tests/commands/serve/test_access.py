@@ -45,7 +45,7 @@ def test_a_password_a_ca_and_a_file_guard_what_is_served(
     assert "https://127.0.0.1" in lines[3]
     port = int(re.findall(r"port=(\d+)", lines[1])[0])
     enter = {"port": port, "ca": "pki/ca.pem"}
-    with pytest.raises(InputInvalid, match="asks who you are"):
+    with pytest.raises(InputInvalid, match="requires a login"):
         uuv.connect(**enter)
     with uuv.connect(**enter, user="ann", password="deep six") as client:
         client.step(5, {"sum.a": 1.0})
@@ -59,7 +59,7 @@ def test_a_password_a_ca_and_a_file_guard_what_is_served(
     ("arguments", "words"),
     [
         (["--access", "none.yaml"], "none.yaml: cannot be read"),
-        (["--host", "0.0.0.0"], "--anyone to let everybody in"),
+        (["--host", "0.0.0.0"], "--anyone to admit everybody"),
         (["--anyone", "--access", "x"], "expected one"),
         (["--anyone", "--host", "203.0.113.7"], "cannot listen at 203.0.113.7"),
         (["--anyone", "--host", "203.0.113.7", "--port", "17471"], "203.0.113.7"),

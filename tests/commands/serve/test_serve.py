@@ -120,6 +120,20 @@ def test_where_the_pilots_page_is_is_said(
     assert re.search(r"Pilot  http://127\.0\.0\.1:\d+/pilot", capsys.readouterr().out)
 
 
+def test_a_mission_is_served_with_the_vehicle_that_flies_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    rexrov = ["serve", "hold", "--vehicle", "rexrov", "--until", "0.1", "--real-time", "20", *ANY]
+    assert status_of(rexrov) == 0
+    assert "recording  runs/rexrov_hold-0" in capsys.readouterr().out
+    other = [*rexrov, "--replace", "hull=model:bluerov2_heavy"]
+    assert status_of(other) == 2
+    assert "made for rexrov, but hull is bluerov2_heavy" in capsys.readouterr().err
+    assert status_of([*other, "--force"]) == 0
+    assert "made for rexrov, but hull is bluerov2_heavy" in capsys.readouterr().out
+
+
 @pytest.mark.parametrize("option", ["--port", "--tcp-port", "--http-port"])
 def test_a_port_that_cannot_be_had_leaves_nothing_behind(
     sums: str, option: str, capsys: pytest.CaptureFixture[str]

@@ -137,11 +137,18 @@ QUICK = {
     "report": "report RUN",
     "export": "export RUN -o x.csv",
     "compare": "compare RUN RUN",
+    "systems missions": "systems missions bluerov2 --until 1",
+    "systems new": "systems new my_rov --vehicle bluerov2",
     "systems show": "systems show TANK",
     "systems slot": "systems slot TANK tank",
     "models show": "models show battery",
     "models check": "models check --source closed_form",
+    "models picture": "models picture remus100 -o x.svg",
+    "models speeds": "models speeds tethys_lrauv",
     "models new": "models new my_rov",
+    "cite": "cite bluerov2_hold",
+    "analyse": "analyse bluerov2_hold --break controller.tau_d[3] --at 1",
+    "lint": "lint study.yaml",
     "envs": "envs",
     "fmu inspect": "fmu inspect FMU",
     "new": "new tank --for TANK",
@@ -202,7 +209,7 @@ def test_every_command_answers_with_one_object_and_is_silent_when_quiet(
     assert ("error" in found) == (status != 0)
     if status == 0:
         assert set(found) > {"command", "status"}, "nothing was reported"
-        for made in ("my_rov", "pki", "my_tank.py"):
+        for made in ("my_rov", "my_rov.ssd", "pki", "my_tank.py"):
             if Path(made).exists():
                 Path(made).rename(f"{made}-1")
     else:

@@ -53,7 +53,7 @@ def test_a_study_becomes_one_table_and_one_page(uuvsim: Uuvsim, tmp_path: Path) 
     assert page.count("<svg") >= 6
     status, out, _ = uuvsim("study", "s.yaml", "--no-report")
     assert status == 0
-    assert "18 were there" in out
+    assert "18 from before" in out
 
 
 def test_a_broken_study_has_status_2_and_says_every_line(uuvsim: Uuvsim, tmp_path: Path) -> None:

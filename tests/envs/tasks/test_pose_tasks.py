@@ -23,6 +23,7 @@ from uuvsim_cosim.envs.tasks import (
 from uuvsim_cosim.envs.tasks.coordinates import R_zyx, in_body, level, wrap
 from uuvsim_cosim.envs.tasks.pose import PoseTask
 from uuvsim_cosim.errors import InputInvalid
+from uuvsim_cosim.orchestrator.shipped.tasks import ActedOn
 
 Array = NDArray[np.float64]
 TASKS: list[type[PoseTask]] = [StationKeeping, TrajectoryFollowing, DisturbanceRejection]
@@ -163,6 +164,23 @@ def test_a_scripted_controller_does_well_and_a_random_one_does_not(
     assert good["return"] > 150.0  # of 200
     assert bad["return"] < 50.0
     assert good["position_error"] < 0.4
+
+
+@pytest.mark.parametrize("action", ["force", "velocity"])
+@pytest.mark.parametrize("vehicle", ["bluerov2", "desistek_saga", "rexrov"])
+def test_the_scripted_controller_of_another_vehicle_uses_the_axes_that_it_controls(
+    vehicle: str, action: ActedOn
+) -> None:
+    """One column for each action: bluerov2 has no pitch, desistek_saga surge, heave and yaw."""
+    task = StationKeeping(vehicle=vehicle, action=action, current=(0.0, 0.0))
+    policy = scripted_policy(task)
+    assert callable(policy)
+    held = evaluate(task, policy, 8).summary()
+    left = evaluate(task, lambda o: np.zeros((len(o), len(task.actions))), 8).summary()
+    assert held["return"] > 5.0 * left["return"]
+    assert held["heading_error"] < 0.05
+    if vehicle != "desistek_saga":  # nothing moves it sideways
+        assert held["position_error"] < 0.2
 
 
 @pytest.mark.parametrize("make", TASKS)

@@ -228,7 +228,7 @@ def test_the_result_of_fmi_ls_ref_is_repeated_with_its_inputs(tmp_path: Path) ->
 def test_a_deviation_from_fmi_ls_ref_is_found_with_its_time_and_tolerance(tmp_path: Path) -> None:
     found = check(with_reference(tmp_path, "time,y\n0,0\n0.1,0.2\n0.2,0.5\n"))
     assert [f.check for f in found] == ["reference"]
-    assert "output 'y' is off by 0.28 of its range at t = 0.2 s" in found[0].text
+    assert "output 'y' deviates by 0.28 of its range at t = 0.2 s" in found[0].text
     assert "expected at most 0.0001" in found[0].text
 
 

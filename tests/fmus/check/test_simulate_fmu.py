@@ -145,7 +145,7 @@ def test_discrete_inputs_are_held_and_continuous_ones_interpolated() -> None:
         ("time,u\n0,1,2\n", "line 2: 3 cells; expected 2"),
         ("time;u\n0;1\n", "expected 'time' .columns are separated by commas."),
         ("u,time\n0,1\n", "line 1, column 1: 'u'; expected 'time'"),
-        ("time,u,u\n0,1,2\n", "column 'u' is there twice"),
+        ("time,u,u\n0,1,2\n", "column 'u' is given twice"),
         ("time,on\n0,2\n", r"line 2, column 2 \(on\): '2'; expected true or false"),
         ("time,v[4]\n0,2\n", r"unknown name 'v\[4\]'; expected one such as v\[3\]"),
         ("time,v\n0,2\n", r"unknown name 'v'; .*v\[1\]"),
@@ -415,7 +415,7 @@ def test_a_long_default_experiment_without_a_step_gets_one_that_is_reported(
 ) -> None:
     result = simulate_fmu(kinetics, interface="ModelExchange")
     assert result.time.size == 1001
-    assert "gives no step for its experiment of 999995 s: 999.995 s was chosen" in result.notes[0]
+    assert "states no step for its experiment of 999995 s: 999.995 s was chosen" in result.notes[0]
     assert "its equations are stiff" in result.notes[1]
 
 

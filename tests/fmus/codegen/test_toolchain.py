@@ -34,7 +34,7 @@ def test_a_second_compilation_is_the_cached_file(
     source: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     first = toolchain.compile_shared([source], name="twice")
-    monkeypatch.setattr(toolchain, "_run", lambda command: pytest.fail("compiled again"))
+    monkeypatch.setattr(toolchain, "_ran", lambda command: pytest.fail("compiled again"))
     assert toolchain.compile_shared([source], name="twice") == first
 
 
@@ -83,6 +83,31 @@ def test_a_damaged_cache_of_zig_is_made_again(
     assert toolchain.compile_shared([source], name="twice").read_bytes() == b"library"
 
 
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="other links elsewhere")
+def test_a_library_that_needs_the_compilers_own_functions_is_linked_with_them(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.delenv("CC", raising=False)
+    ran, run, calls = toolchain._ran, toolchain._run, []
+
+    def counted(command: list[str]) -> subprocess.CompletedProcess[str]:
+        calls.append("without")
+        return ran(command)
+
+    monkeypatch.setattr(toolchain, "_ran", counted)
+    monkeypatch.setattr(toolchain, "_run", lambda c: (calls.append("with"), run(c)))
+    export = '__attribute__((visibility("default")))'
+    new = f"/* {uuid4()} */"
+    (tmp_path / "plain.c").write_text(f"{new}\n{export} long half(long x) {{ return x / 2; }}")
+    toolchain.compile_shared([tmp_path / "plain.c"], name="plain")
+    assert calls == ["without"]
+    wide = "return (long)(((__int128)x << 64) / ((__int128)y << 64));"  # calls __divti3
+    (tmp_path / "wide.c").write_text(f"{new}\n{export} long ratio(long x, long y) {{ {wide} }}")
+    library = ctypes.CDLL(str(toolchain.compile_shared([tmp_path / "wide.c"], name="wide")))
+    assert calls[1:] == ["without", "with", "without"]
+    assert library.ratio(14, 2) == 7
+
+
 def test_a_changed_header_is_another_key(source: Path, tmp_path: Path) -> None:
     include = tmp_path / "include"
     include.mkdir()
@@ -97,14 +122,14 @@ def test_c_that_changes_while_it_is_compiled_is_not_kept(
 ) -> None:
     seven = f"/* {uuid4()}: of no earlier run */ {SOURCE.replace('2 * x', '7 * x')}"
     source.write_text(seven)
-    run = toolchain._run
+    ran = toolchain._ran
 
-    def edited(command: list[str]) -> None:
+    def edited(command: list[str]) -> subprocess.CompletedProcess[str]:
         source.write_text(SOURCE.replace("2 * x", "0 * x"))
-        run(command)
+        return ran(command)
 
     with monkeypatch.context() as patched:
-        patched.setattr(toolchain, "_run", edited)
+        patched.setattr(toolchain, "_ran", edited)
         with pytest.raises(ToolchainError, match="twice: its C was changed while it was compiled"):
             toolchain.compile_shared([source], name="twice")
     source.write_text(seven)

@@ -59,7 +59,7 @@ def test_exit_0_in_a_single_fmu_is_a_failure_that_keeps_the_rows(
     )
     assert done.returncode == 3
     assert f"component 'first_order' called exit() in fmi{version}DoStep" in done.stderr
-    assert "the values up to then are in" in done.stderr
+    assert "the values up to that time are in" in done.stderr
     assert [row[0] for row in csv.reader(table.read_text().splitlines())][-1] == "0.5"
 
 

@@ -174,9 +174,9 @@ def test_half_a_dataset_is_refused(data: Dataset, tmp_path: Path) -> None:
         (["source", "-o", "mixed"], "mixed: has no version; expected a .npz, or a folder of "
          "Minari's, as mixed-v0"),
         (["source", "-o", "a.csv"], "a.csv: no dataset is written as .csv; expected a .npz, or"),
-        (["source", "-o", "x.npz", "--signal", "a=b"], "names signals of --recorded runs"),
+        (["source", "-o", "x.npz", "--signal", "a=b"], "applies to --recorded runs"),
         (["source", "-o", "x.npz", "--recorded", "r", "-n", "3", "--seed", "3"],
-         "--episodes 3 and --seed 3: of what a policy does; expected no --recorded"),
+         "--episodes 3 and --seed 3: applies to episodes of a policy; expected no --recorded"),
         (["source", "-o", "x.npz", "--recorded", "nowhere"], "nowhere"),
         (["transition_2", "-o", "x.npz", "--policy", str(SOURCE_SAC), "--task-set",
           "slots=[3,2]"], "observes 31 numbers"),

@@ -254,7 +254,7 @@ def test_a_runner_is_under_100_lines_and_needs_numpy_alone(tmp_path: Path) -> No
 @pytest.mark.parametrize("taken", ["r.npz", "r.py"])
 def test_a_runner_replaces_nothing_but_a_runner(taken: str, tmp_path: Path) -> None:
     (tmp_path / taken).write_bytes(SHIPPED.read_bytes())
-    with pytest.raises(InputInvalid, match=rf"{taken}: is there, and no runner's"):
+    with pytest.raises(InputInvalid, match=rf"{taken}: exists and is no runner"):
         export_policy(SHIPPED, tmp_path / "r.py")
     assert (tmp_path / taken).read_bytes() == SHIPPED.read_bytes()
     for _ in range(2):  # its own it replaces
@@ -407,7 +407,7 @@ def test_a_peer_that_is_not_there_leaves_a_remark() -> None:
     system = load("target_tracking").remove("target")
     system = system.replace("tracker_1.pilot", "model:policy")
     (note,) = system.notes
-    assert "tracker_1.pilot.target: nothing feeds it; target.position" in note
+    assert "tracker_1.pilot.target: it is not connected, because target.position" in note
 
 
 # ---- wrong input ----------------------------------------------------------------------------

@@ -228,7 +228,7 @@ def test_a_dataset_with_other_spaces_is_refused_in_words(data: Dataset, tmp_path
     with pytest.raises(InputInvalid, match=words):
         train_offline(data, "bc", options={"slots": [3, 2]}, folder=tmp_path / "x")
     bare = replace(data, task="")
-    with pytest.raises(InputInvalid, match="tells no task; expected one, by --task"):
+    with pytest.raises(InputInvalid, match="names no task; expected one, by --task"):
         train_offline(bare, "bc", folder=tmp_path / "x")
 
 
@@ -248,7 +248,7 @@ def test_what_cannot_be_learned_from_is_refused(change: dict[str, Any], words: s
 
 def test_a_loss_that_is_no_number_keeps_what_was_before(data: Dataset, tmp_path: Path) -> None:
     huge = replace(data, episodes=[replace(e, reward=e.reward * 1e25) for e in data.episodes])
-    with pytest.raises(LearningDiverged, match=r"what was before, of \d+ updates, is in"):
+    with pytest.raises(LearningDiverged, match=r"the previous training, of \d+ updates, is in"):
         train_offline(huge, "iql", settings={"hidden": 8, "steps": 3}, folder=tmp_path / "x")
     assert np.isfinite(Policy.load(tmp_path / "x" / "policy.npz").tensors["0.weight"]).all()
 

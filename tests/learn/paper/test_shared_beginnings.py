@@ -84,7 +84,7 @@ def test_a_copy_that_fails_leaves_nothing_and_says_of_what(tmp_path: Path) -> No
     work = tmp_path / "work"
     lost = place_of(work, TINY, ways.STT, 0) / "2-transition_1"
     lost.rename(tmp_path / "elsewhere")
-    with pytest.raises(InputInvalid, match=r"masac-one-target-0: what stt-masac-careful-0 begins"):
+    with pytest.raises(InputInvalid, match=r"masac-one-target-0: the start that it shares"):
         begun(work, TINY, ONE, 0)
     assert [f.name for f in (work / "batched").iterdir()] == ["stt-masac-careful-0"]
     assert not begun(work, TINY, ONE, 1).exists()  # of another seed there is nothing

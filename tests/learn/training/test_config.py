@@ -122,10 +122,11 @@ def test_the_documentation_names_every_field_and_setting_and_its_example_is_one(
     from uuvsim_cosim.learn.algorithms.dqn import DqnSettings
     from uuvsim_cosim.learn.algorithms.ppo import PpoSettings
 
-    file = Path(__file__).parents[3] / "docs" / "learning" / "learning.md"
-    page = file.read_text(encoding="utf-8")
+    folder = Path(__file__).parents[3] / "docs" / "learning"
+    page = (folder / "learning.md").read_text(encoding="utf-8")
+    both = page + (folder / "training_settings.md").read_text(encoding="utf-8")
     for kind in (TrainingConfig, DqnSettings, PpoSettings):
         for f in fields(kind):
-            assert f"`{f.name}`" in page, f.name
+            assert f"`{f.name}`" in both, f.name
     (tmp_path / "c.yaml").write_text(page.split("```yaml\n")[1].split("```")[0])
     assert read_config(tmp_path / "c.yaml").settings == {"lr": 3e-4, "hidden": 256, "updates": 4}

@@ -126,7 +126,7 @@ def test_two_processes_do_not_go_through_a_curriculum_in_one_folder(tmp_path: Pa
 def test_a_folder_with_other_things_is_left_alone(tmp_path: Path) -> None:
     (tmp_path / "thesis.tex").write_text("mine")
     for restart in (False, True):
-        with pytest.raises(InputInvalid, match="holds other things; expected an empty or a new"):
+        with pytest.raises(InputInvalid, match="contains other files; expected an empty or a new"):
             train_curriculum(small(), tmp_path, restart=restart)
     assert [p.name for p in tmp_path.iterdir()] == ["thesis.tex"]
 

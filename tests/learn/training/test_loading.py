@@ -108,16 +108,17 @@ def test_policies_that_learned_under_other_options_are_told(
     found = acting_of([str(first), str(other)], None, {})
     assert found.options == {"rules": {"credit": "own"}}
     assert found.notes == (
-        f"{other} learned with horizon 8, and acts here with horizon as by default",
-        f"{other} learned with rules as by default, and acts here with rules {{'credit': 'own'}}",
+        f"{other} was trained with horizon 8 and acts here with the default of horizon",
+        f"{other} was trained with the default of rules and acts here with rules "
+        "{'credit': 'own'}",
     )
     assert acting_of([str(first)], None, {}).notes == ()
     given = ["evaluate", str(first), str(other), "--episodes", "1", "--task-set", "horizon=8"]
     assert status_of(given) == 0
     said = capsys.readouterr().out
     assert "note: " in said
-    assert "learned with rules as by default" in said.replace("\n", " ")
-    assert "horizon as by default" not in said
+    assert "trained with the default of rules" in said.replace("\n", " ")
+    assert "the default of horizon" not in said
 
 
 def test_two_of_three_do_not_stand_for_the_third() -> None:

@@ -58,7 +58,7 @@ def test_an_interrupted_training_goes_on_to_the_same_bits(
 ) -> None:
     small(tmp_path / "whole", algorithm)
     with pytest.raises(
-        TrainingInterrupted, match=r"after step 168 of 320; the same .* goes on"
+        TrainingInterrupted, match=r"after step 168 of 320; the same .* continues"
     ) as e:
         small(tmp_path / "parts", algorithm, observers=(Interrupt(168, number),))
     assert e.value.status == status
@@ -128,7 +128,9 @@ def test_a_training_too_short_for_an_update_says_so(
 
 def test_a_folder_with_other_things_is_left_alone(tmp_path: Path) -> None:
     (tmp_path / "thesis.tex").write_text("mine")
-    with pytest.raises(InputInvalid, match="holds other things; expected an empty or a new folder"):
+    with pytest.raises(
+        InputInvalid, match="contains other files; expected an empty or a new folder"
+    ):
         small(tmp_path)
 
 

@@ -185,7 +185,7 @@ def test_a_lost_checkpoint_is_not_silently_begun_anew(tmp_path: Path) -> None:
     first = training(tmp_path, 64)
     first.run()
     first.checkpoint.unlink()
-    with pytest.raises(InputInvalid, match=r"checkpoint\.pt: no such file, beside curves"):
+    with pytest.raises(InputInvalid, match=r"checkpoint\.pt: no such file, although curves"):
         training(tmp_path, 128).run()
 
 

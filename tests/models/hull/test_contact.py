@@ -445,7 +445,7 @@ def test_the_survey_of_the_page_that_dives_onto_the_charted_bed_is_held_by_it() 
     from uuvsim_cosim.kernels.kernel import fuse
     from uuvsim_cosim.scene.shared.ray_casting import Caster
 
-    page = (content("docs") / "scenes" / "range_sensors.md").read_text(encoding="utf-8")
+    page = (content("docs") / "scenes" / "contact.md").read_text(encoding="utf-8")
     (code,) = [c for c in page.split("```python\n") if "def with_contact" in c]
     names: dict[str, Any] = {}
     exec(code.partition("```")[0], names)

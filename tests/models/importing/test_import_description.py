@@ -275,4 +275,4 @@ def test_options_of_a_surface_are_refused_for_a_description(
     (tmp_path / "a.urdf").write_text(URDF.format(more=""))
     for option in (["--mass", "3"], ["--scale", "0.001"], ["--axes", "FRD"], ["--rho", "1000"]):
         assert status_of(["models", "import", str(tmp_path / "a.urdf"), *option]) == 2
-        assert f"{option[0]}: is for a surface" in capsys.readouterr().err
+        assert f"{option[0]}: applies to a surface" in capsys.readouterr().err

@@ -108,7 +108,7 @@ def test_a_sphere_has_half_its_water_as_added_mass_and_no_drag_when_it_turns() -
     M_A, semi = added_mass_of(solid, 1000.0)
     assert np.diag(M_A)[:3] == pytest.approx(500.0 * solid.volume, rel=1e-3)
     assert semi == pytest.approx(0.2, rel=2e-3)
-    D_q = quadratic_drag(mesh, solid, 1000.0, drag_coefficients(mesh, solid))
+    D_q = quadratic_drag(mesh, solid, 1000.0, drag_coefficients(mesh, solid)[1])
     assert D_q[:3] == pytest.approx(0.5 * 1000 * 0.5 * pi * 0.04, rel=0.06)
     assert not D_q[3:].any()
 
@@ -116,7 +116,9 @@ def test_a_sphere_has_half_its_water_as_added_mass_and_no_drag_when_it_turns() -
 @pytest.mark.parametrize("size", [0.05, 4.0])
 def test_a_slender_spheroid_has_hoerner_s_drag_at_any_size(size: float) -> None:
     mesh = repaired(spheroid(4 * size, size), "spheroid")
-    C_D = drag_coefficients(mesh, solid_of(mesh))
+    least, C_D, most = drag_coefficients(mesh, solid_of(mesh))
+    assert (least < C_D).all()
+    assert (most > C_D).all()
     fineness = 4.0  # length over breadth, which is both over 2 √(area / π)
     hoerner = 0.44 / fineness + 0.02 * fineness + 0.02 / fineness**0.5
     assert C_D[0] == pytest.approx(hoerner, rel=0.01)
@@ -126,7 +128,7 @@ def test_a_slender_spheroid_has_hoerner_s_drag_at_any_size(size: float) -> None:
 def test_the_drag_of_a_box_that_turns_is_that_of_its_strips() -> None:
     mesh = repaired(box(0.457, 0.338, 0.25), "box")
     solid = solid_of(mesh)
-    D_q = quadratic_drag(mesh, solid, 1000.0, drag_coefficients(mesh, solid))
+    D_q = quadratic_drag(mesh, solid, 1000.0, drag_coefficients(mesh, solid)[1])
     a, b, h = 0.457 / 2, 0.338 / 2, 0.25
     assert D_q[0] == pytest.approx(0.5 * 1000 * 1.05 * 0.338 * 0.25, rel=1e-9)
     assert D_q[5] == pytest.approx(0.5 * 1000 * 1.05 * h * (a**4 + b**4) / 2, rel=1e-6)
@@ -156,6 +158,7 @@ def test_both_kinds_of_stl_are_read_and_make_a_vehicle_that_holds_its_checks(
     monkeypatch.chdir(tmp_path)
     write(tmp_path / "hull.stl", 1000 * box(0.457, 0.338, 0.25))  # type: ignore[operator]
     arguments = ["hull.stl", "--mass", "11.5", "--scale", "0.001", "--volume", "0.0114"]
+    arguments += ["--added-mass", "ellipsoid"]
     assert not status_of(["models", "import", *arguments, "-o", "my_rov"])
     said = capsys.readouterr().out
     assert "0.0386" in said
@@ -164,13 +167,13 @@ def test_both_kinds_of_stl_are_read_and_make_a_vehicle_that_holds_its_checks(
     rows = [r for r in Path("my_rov/parameters.yaml").read_text().splitlines() if "value:" in r]
     assert all("unit:" in r and "source:" in r for r in rows)
     assert status_of(["models", "import", *arguments, "-o", "my_rov"]) == 2
-    assert "there already" in capsys.readouterr().err
+    assert "exists already" in capsys.readouterr().err
 
 
 def test_axes_of_the_file_are_turned_to_frd(tmp_path: Path) -> None:
     # Right, forward, up: the box is longest along the file's y, and sits above the file's origin.
     path = binary(tmp_path / "hull.stl", box(0.3, 0.5, 0.2) + np.array([0.1, 0.2, 0.3]))
-    found = import_mesh(path, 30.0, axes="RFU")
+    found = import_mesh(path, 30.0, axes="RFU", added_mass="ellipsoid")
     assert found.solid.extent == pytest.approx([0.5, 0.3, 0.2], rel=1e-6)
     assert -found.origin == pytest.approx([0.2, 0.1, -0.3], rel=1e-6)
 
@@ -223,30 +226,53 @@ def test_a_file_that_is_no_stl_is_refused_with_what_was_read(tmp_path: Path) -> 
 
 
 def test_a_mass_that_no_hull_of_that_volume_has_is_refused(tmp_path: Path) -> None:
-    path = binary(tmp_path / "a.stl", box(1.0, 0.6, 0.4))
-    with pytest.raises(InputInvalid, match=r"11500000 kg in 0.24 m3|1.15e\+07 kg in 0.24 m3"):
-        import_mesh(path, 1.15e7)
+    path = binary(tmp_path / "a.stl", box(1.0, 0.6, 0.4))  # 246 kg of water
+    with pytest.raises(InputInvalid, match=r"2460 kg .* displaces 246 kg .* 49\.2 to 1.23e\+03 kg"):
+        import_mesh(path, 2460.0)
+    with pytest.raises(InputInvalid, match=r"24\.6 kg .*--volume if the hull floods"):
+        import_mesh(path, 24.6)
     with pytest.raises(InputInvalid, match=r"--mass -3: expected a number above 0"):
         import_mesh(path, -3)
+    with pytest.raises(InputInvalid, match=r"--volume 0.3: the surface .* encloses 0.24 m3"):
+        import_mesh(path, 246.0, volume=0.3)
+    with pytest.raises(InputInvalid, match=r"--z-g 0.3: .* outside of the hull, .* -0.2 to 0.2 m"):
+        import_mesh(path, 246.0, z_g=0.3)
     assert status_of(["models", "import", str(path)]) == 2
 
 
+def test_a_mass_near_the_displaced_one_is_a_known_difference_and_another_fails_the_check(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    binary(tmp_path / "a.stl", box(1.0, 0.6, 0.4))
+    for name, mass, holds in (("near", "230", True), ("far", "123", False)):
+        arguments = ["a.stl", "--mass", mass, "--added-mass", "ellipsoid", "-o", name]
+        assert not status_of(["models", "import", *arguments])
+        assert (Path(name) / "checks.yaml").exists() == holds
+        assert (status_of(["models", "check", name]) == 0) == holds
+
+
 def test_a_hull_that_is_lighter_than_its_water_says_so_and_why(tmp_path: Path) -> None:
-    found = import_mesh(binary(tmp_path / "a.stl", box(1.0, 0.6, 0.4)), 100.0)
+    path = binary(tmp_path / "a.stl", box(1.0, 0.6, 0.4))
+    found = import_mesh(path, 225.0, added_mass="ellipsoid")
     assert "floats up" in found.draft.known["weight is near buoyancy"]
-    assert any("--volume" in note for note in found.notes)
+    far = import_mesh(path, 100.0, added_mass="ellipsoid")
+    assert not far.draft.known
+    assert any("--volume" in n and "models check fails" in n for n in far.notes)
 
 
 def test_several_bodies_are_said_and_that_they_overlap(tmp_path: Path) -> None:
     hull = box(1.0, 0.6, 0.4)
+
+    def notes_of(triangles: Array, mass: float) -> tuple[str, ...]:
+        path = binary(tmp_path / "a.stl", triangles)
+        return import_mesh(path, mass, added_mass="ellipsoid").notes
+
     for move, said in (([0.0, 2.0, 0.0], False), ([0.3, 0.0, 0.0], True)):
-        two = np.concatenate([hull, hull + np.array(move)])
-        notes = import_mesh(binary(tmp_path / "a.stl", two), 400.0).notes
+        notes = notes_of(np.concatenate([hull, hull + np.array(move)]), 400.0)
         assert notes[0].startswith("2 bodies that do not touch are added up")
         assert ("bodies 1 and 2 overlap" in notes[0]) == said
-    assert not any(
-        "bodies" in n for n in import_mesh(binary(tmp_path / "a.stl", hull), 200.0).notes
-    )
+    assert not any("bodies" in n for n in notes_of(hull, 200.0))
 
 
 def test_other_formats_are_read_by_trimesh(tmp_path: Path) -> None:

@@ -123,5 +123,7 @@ def test_a_misspelt_figure_is_refused_with_its_line_and_the_right_name(tmp_path:
     (tmp_path / "y.yaml").write_text(
         text + '  gyro_rnage: {value: 1, unit: rad/s, source: "guess"}\n'
     )
-    with pytest.raises(ParameterInvalid, match=r"y\.yaml:16: gyro_rnage.*such as gyro_range"):
+    with pytest.raises(
+        ParameterInvalid, match=r"y\.yaml:17: parameters\.gyro_rnage.*such as gyro_range"
+    ):
         imu(str(tmp_path / "y.yaml"))

@@ -127,7 +127,7 @@ WRONG = [
     ("{file: points.obj, position: [0, 0, 0], unit: m, axes: NED}", "points.obj: no tri"),
     ("{file: text.stl, position: [0, 0, 0], unit: m, axes: NED}", "expected an STL"),
     ("{file: text.glb, position: [0, 0, 0]}", "is no mesh that trimesh reads"),
-    ("{file: w.obj, position: [0, 0, 0], unit: m, axes: NED, colour: red}", "'colour'"),
+    ("{file: w.obj, position: [0, 0, 0], unit: m, axes: NED, colour: red}", "colour: unknown"),
 ]  # fmt: skip
 
 
@@ -177,7 +177,8 @@ def test_a_hull_that_would_pass_through_a_mesh_is_refused(tmp_path: Path) -> Non
     entry = "  - {file: w.obj, position: [0, 0, 5], unit: m, axes: NED, name: quay"
     (tmp_path / "scene.yaml").write_text(f"{HEAD}{entry}}}\n")
     with pytest.raises(
-        ParameterInvalid, match=r"does not feel meshes \(quay\); expected obstacles"
+        ParameterInvalid,
+        match=r"contact does not act between a hull and meshes \(quay\); expected obstacles",
     ):
         declare("contact", scene=str(tmp_path))
     (tmp_path / "scene.yaml").write_text(f"{HEAD}{entry}, contact: false}}\n# passes through\n")

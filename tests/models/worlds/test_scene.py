@@ -42,7 +42,7 @@ def test_all_mistakes_of_a_scene_are_said_at_once(tmp_path: Path) -> None:
     with pytest.raises(InputInvalid) as refused:
         load_scene(tmp_path)
     said = str(refused.value)
-    for part in ("'description' is a required", "'units' is a required", "'wind' was unexpected",
+    for part in ("'description' is a required", "'units' is a required", "wind: unknown",
                  "'bax'; expected one such as box", "scene.yaml:6: obstacles.1.sphere.centre",
                  "finite numbers", "-1 is less than", "obstacles.2",
                  "terrain.npz: not a terrain"):  # fmt: skip

@@ -512,7 +512,7 @@ def test_a_unit_that_another_source_does_not_name_is_taken_from_the_place(
                 master.step()
         master.restart("a", source=str(bare))
         assert master.tick == 4
-        assert any("a.y: names no unit" in m for m in caplog.messages)
+        assert any("a.y: states no unit" in m for m in caplog.messages)
         master.step(4)
 
 

@@ -209,7 +209,7 @@ def test_rows_of_a_step_that_ctrl_c_interrupts_are_not_lost(
         (lambda m: m.step(-1), "expected a whole number, 0 or more"),
         (lambda m: m.run_until(float("nan")), "expected seconds"),
         (lambda m: m.run_until("soon"), "expected seconds"),
-        (lambda m: m.restore(None), "a NoneType; expected what snapshot"),
+        (lambda m: m.restore(None), "a NoneType; expected a snapshot that"),
         (lambda m: m.initialize(), r"expected reset\(\)"),
         (lambda m: m.set("a", "u", float("nan")), "nan"),
     ],

@@ -150,14 +150,14 @@ def test_inspection_says_beforehand_what_a_master_will_do(c_fmu: Callable[..., P
     able = reliance(read_description.read_fmu(c_fmu(3)))
     assert able["reset"].startswith("restores its state")
     assert able["snapshot"] == "in memory and in files"
-    assert able["iterated groups"] == "may be a member"
+    assert able["iterated groups"] == "possible"
     unable = reliance(read_description.read_fmu(c_fmu(3, edits=NO_STATE[3])))
     assert unable["reset"].startswith("takes a fresh instance from a pool")
     assert unable["snapshot"].startswith("no: the master refuses")
     assert unable["iterated groups"].startswith("no: refused")
     once = reliance(read_description.read_fmu(c_fmu(3, edits=[*NO_STATE[3], ONCE])))
     assert once["reset"].startswith("frees the instance")
-    assert once["instances"].startswith("one in a process")
+    assert once["instances"].startswith("one per process")
 
 
 def test_instantiate_takes_what_was_read_already(c_fmu: Callable[..., Path]) -> None:

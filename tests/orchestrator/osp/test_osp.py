@@ -194,7 +194,7 @@ def test_what_is_not_done_is_said(osp: Write) -> None:
     head = "<StartTime>1</StartTime><EndTime>2</EndTime><Algorithm>ecco</Algorithm>"
     system = uv.load(osp(bond, head=head))
     said = "\n".join(system.notes)
-    assert "no BaseStepSize: 0.1 s is taken" in said
+    assert "no BaseStepSize: 0.1 s is used" in said
     assert "Algorithm ecco varies the step" in said
     assert "power bonds lose (p)" in said
     assert (system.start_time, system.stop_time) == (1.0, 2.0)

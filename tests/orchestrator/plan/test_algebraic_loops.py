@@ -212,7 +212,7 @@ def test_a_member_that_cannot_restore_is_refused_with_gain_and_remedy(
     with pytest.raises(
         SystemInvalid,
         match=r"a\.y -> b\.u, b\.y -> a\.u: its estimated gain is -6;.*b cannot get and set its "
-        r"state; expected members that can.*filter.*--loops delay",
+        r"state; expected components that can.*filter.*--loops delay",
     ):
         flatten(gains(fmus(), stateless))
 
@@ -359,7 +359,7 @@ def test_the_policy_of_a_nested_system_is_not_used_and_that_is_reported(fmus: An
     outer = System("outer", "0.1").add("n", gains(fmus()).with_loops("delay"))
     plan = flatten(outer)
     assert plan.algebraic_loops[0].iterated
-    assert "n: its loop policy 'delay' is not used" in plan.warnings[0]
+    assert "n: its loop policy 'delay' is ignored" in plan.warnings[0]
 
 
 def test_a_loop_through_a_sum_of_an_osp_file_is_iterated(fmus: Any, tmp_path: Path) -> None:

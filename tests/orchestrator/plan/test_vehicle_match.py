@@ -1,49 +1,78 @@
-"""A component that is made for another vehicle than its hull is named."""
+"""A component that is made for another vehicle than its hull is refused."""
 
 from pathlib import Path
 
 import pytest
 
-from uuvsim_cosim.orchestrator.plan.flatten import flatten
+from uuvsim_cosim.errors import SystemInvalid
+from uuvsim_cosim.orchestrator.plan.flatten import flatten, plan_to_inspect
 from uuvsim_cosim.orchestrator.running.library import available, load
+from uuvsim_cosim.orchestrator.ssp.ssd import read_ssd, write_ssd
 from uuvsim_cosim.orchestrator.system.system import System
 
 
-def warned(system: System) -> dict[str, str]:
-    """Return the warnings about vehicles by component."""
-    found = [w for w in flatten(system).warnings if ", but " in w and " is made for " in w]
-    found += [w for w in flatten(system).warnings if "its gains" in w]
-    return {w.partition(":")[0]: w for w in found}
+def refused(system: System) -> dict[str, str]:
+    """Return the messages about components by path; empty if the system is not refused."""
+    try:
+        flatten(system)
+    except SystemInvalid as error:
+        return {p.place: str(p) for p in error.problems}
+    return {}
 
 
-def test_a_hull_on_another_vehicles_thrusters_and_gains_is_named() -> None:
-    system = load("bluerov2_hold").replace("hull", "model:remus100")
-    found = warned(system)
+def test_a_hull_on_another_vehicles_thrusters_and_gains_is_refused() -> None:
+    found = refused(load("bluerov2_hold").replace("hull", "model:remus100"))
     assert set(found) == {"wrench", "allocation", "controller"}
     assert found["wrench"] == (
-        "wrench: is made for bluerov2_heavy, but hull is remus100; expected a component for that "
-        "vehicle, such as model:wrench?vehicle=remus100"
+        "wrench: made for bluerov2_heavy, but hull is remus100: 8 thrusters, not 1; expected "
+        "`uuvsim run hold --vehicle remus100`, or --force (in Python: with_mismatches('warn'))"
     )
+
+
+def test_a_survey_is_resolved_by_a_survey() -> None:
+    found = refused(load("bluerov2_survey").replace("hull", "model:rexrov"))
+    assert all("`uuvsim run survey --vehicle rexrov`" in text for text in found.values())
+    assert "thruster 1 at (0.156, 0.111, 0.085) m, not (-0.8909" in found["allocation"]
+
+
+def test_a_system_that_allows_mismatches_is_warned_of_each() -> None:
+    mixed = load("bluerov2_hold").replace("hull", "model:rexrov")
+    warnings = flatten(mixed.with_mismatches("warn")).warnings
+    made = [w for w in warnings if ", but hull is rexrov: " in w]
+    assert len(made) == len({w.partition(":")[0] for w in made}) + 1  # the controller has two
+    assert not any("--force" in w for w in made)
+
+
+def test_a_refused_system_can_be_inspected() -> None:
+    plan, reason = plan_to_inspect(load("bluerov2_hold").replace("hull", "model:rexrov"))
+    assert len(plan.components) == 13
+    assert "hull is rexrov" in reason
+
+
+def test_the_policy_is_kept_in_a_file(tmp_path: Path) -> None:
+    mixed = load("bluerov2_hold").replace("hull", "model:rexrov").with_mismatches("warn")
+    write_ssd(mixed, tmp_path / "mixed.ssd")
+    assert read_ssd(tmp_path / "mixed.ssd").mismatches == "warn"
+    with pytest.raises(SystemInvalid, match="refuse or warn"):
+        mixed.with_mismatches("ignore")  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize("name", available())
 def test_no_shipped_system_mixes_vehicles(name: str) -> None:
-    assert not warned(load(name))
+    assert not refused(load(name))
 
 
 def test_another_set_of_the_same_vehicle_is_the_same_vehicle() -> None:
-    assert not warned(load("bluerov2_hold").replace("hull", "model:bluerov2_heavy@wu_2018"))
-    assert not warned(load("bluerov2_hold").replace("hull", "model:vehicle?id=bluerov2_heavy"))
+    assert not refused(load("bluerov2_hold").replace("hull", "model:bluerov2_heavy@wu_2018"))
+    assert not refused(load("bluerov2_hold").replace("hull", "model:vehicle?id=bluerov2_heavy"))
 
 
 def test_gains_of_a_preset_do_not_follow_the_vehicle() -> None:
-    system = (
-        System("s", "0.01")
-        .add("hull", "model:pool8")
-        .add("controller", "model:controller?vehicle=pool8")
-    )
-    assert set(warned(system)) == {"controller"}
-    assert "its gains (bluerov2_pid) are those of bluerov2_heavy" in warned(system)["controller"]
+    hull = System("s", "0.01").add("hull", "model:pool8")
+    found = refused(hull.add("controller", "model:controller?vehicle=pool8"))
+    assert "its gains (bluerov2_pid) are made for bluerov2_heavy" in found["controller"]
+    own = {"Kp": [1.0] * 6, "Ki": [0.0] * 6, "Kd": [1.0] * 6}
+    assert not refused(hull.add("controller", "model:controller?vehicle=pool8", own))
 
 
 def test_a_component_fits_any_hull_beside_it() -> None:
@@ -55,18 +84,39 @@ def test_a_component_fits_any_hull_beside_it() -> None:
         .add("other", "model:wrench?vehicle=pool8")
         .add("third", "model:allocation?vehicle=bluerov2")
     )
-    assert set(warned(system)) == {"third"}
+    assert set(refused(system)) == {"third"}
 
 
 def test_vehicles_of_nested_systems_are_compared_within_each() -> None:
     inner = System("v", "0.01").add("hull", "model:pool8").add("wrench", "model:wrench")
     system = System("s", "0.01").add("one", inner).add("hull", "model:bluerov2_heavy")
-    assert set(warned(system)) == {"one.wrench"}
+    assert set(refused(system)) == {"one.wrench"}
 
 
-def test_a_vehicle_in_a_folder_is_known_by_the_id_in_its_file(tmp_path: Path) -> None:
-    from uuvsim_cosim.models.importing.new_vehicle import write_vehicle
+def test_a_vehicle_in_a_folder_is_compared_by_its_figures(tmp_path: Path) -> None:
+    from shutil import copytree
 
-    folder = write_vehicle("my_rov", tmp_path, "box")
-    system = load("bluerov2_hold").replace("hull", f"model:{folder}")
-    assert "hull is my_rov" in warned(system)["wrench"]
+    from uuvsim_cosim.content import content
+
+    same = copytree(content("models", "vehicles", "bluerov2_heavy"), tmp_path / "my_rov")
+    for file in same.glob("*.yaml"):
+        text = file.read_text().replace("id: bluerov2_heavy", "id: my_rov")
+        file.write_text(text.replace("vehicle: bluerov2_heavy", "vehicle: my_rov"))
+    system = load("bluerov2_hold").replace("hull", f"model:{same}")
+    assert not refused(system)
+    places = same / "thrusters.yaml"
+    places.write_text(places.read_text().replace("0.156", "0.176", 1))
+    found = refused(system)
+    assert set(found) == {"wrench", "allocation"}
+    assert "thruster 1 at (0.156, 0.111, 0.085) m, not (0.176, " in found["wrench"]
+
+
+def test_an_exported_allocation_is_compared_by_its_places(tmp_path: Path) -> None:
+    from uuvsim_cosim.fmus.export.fmu_file import build_fmu
+    from uuvsim_cosim.orchestrator.system.sources import ModelSource
+
+    fmu = build_fmu(ModelSource("model:wrench?vehicle=bluerov2_heavy").lowered(), fmi=3)
+    hull = System("s", "0.01").add("hull", "model:rexrov").add("wrench", str(fmu))
+    assert "not (-0.8909, -0.3344, -0.5288) m" in refused(hull)["wrench"]
+    fits = System("s", "0.01").add("hull", "model:bluerov2_heavy").add("wrench", str(fmu))
+    assert not refused(fits)

@@ -119,14 +119,18 @@ def test_an_edited_file_is_read_again(tmp_path: Path) -> None:
     [
         ("self.n += 1", "self.n += 1 / 0", r"my\.py:12: ZeroDivisionError: .*in step\(\)"),
         ("self.n = 10", "self.n = m", r"my\.py:8: NameError: .*in initialize\(\)"),
-        (', "n": self.n}\n', "}\n", r"my\.py:11: step\(\) gives no n; expected a dict of y, n"),
-        ('"n": self.n}\n', '"n": self.n, "z": 1}\n', r"gives z, which outputs does not name"),
+        (
+            ', "n": self.n}\n',
+            "}\n",
+            r"my\.py:11: step\(\) does not return n; expected a dict of y, n",
+        ),
+        ('"n": self.n}\n', '"n": self.n, "z": 1}\n', r"returns z, which outputs does not declare"),
         (
             'self.gain * u["u"]',
             "[1.0]",
-            r"my\.py:11: step\(\) gives y: shape \(1,\); expected shape \(2,\)$",
+            r"my\.py:11: step\(\) returns y: shape \(1,\); expected shape \(2,\)$",
         ),
-        ('"y": self.gain * u["u"]', '"y": "fast"', r"gives y: 'fast'; expected numbers$"),
+        ('"y": self.gain * u["u"]', '"y": "fast"', r"returns y: 'fast'; expected numbers$"),
         ("self.n += 1", "import sys; sys.exit(5)", r"my\.py:12: SystemExit: 5: in step\(\)"),
         ("self.n = 10", "import sys; sys.exit(5)", r"my\.py:8: SystemExit: 5: in initialize\(\)"),
         ('return {"y"', 'return None and {"y"', r"returned NoneType; expected a dict of y, n"),
@@ -254,4 +258,6 @@ def test_an_open_unit_is_filled_by_the_slot_and_listed(tmp_path: Path) -> None:
     text = GOOD.replace('{"y": (2, "m"), "n": "1"}', '{"tau_d": 6}')
     found = system.replace("controller", write(tmp_path, text))
     assert found.describe("controller").variables["tau_d"].units == ("N",) * 3 + ("N.m",) * 3
-    assert any("controller: no unit given, taken as the slot's: tau_d" in n for n in found.notes)
+    assert any(
+        "controller: no unit given; those of the slot are used: tau_d" in n for n in found.notes
+    )

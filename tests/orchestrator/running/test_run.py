@@ -222,7 +222,7 @@ def test_a_disk_that_fills_up_is_an_error_that_keeps_what_was_written(
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr("uuvsim_cosim.orchestrator.running.run.write_run_json", full)
-    with pytest.raises(RecordingError, match=r"run\.json: No space left.*room on the disk"):
+    with pytest.raises(RecordingError, match=r"run\.json: No space left.*free space on the disk"):
         run(tank, until=1.0, out=tmp_path / "r")
     assert (tmp_path / "r" / "signals.parquet").is_file()
 

@@ -61,6 +61,28 @@ def test_a_change_holds_from_its_time_on(system: System, tmp_path: Path) -> None
     assert v == pytest.approx(np.array([0.0] * 5 + [0.2] * 3 + [3.0] * 3))
 
 
+def test_a_change_of_elements_leaves_the_others(tmp_path: Path) -> None:
+    part = (
+        'class Pair:\n    inputs = {"u": (3, "m")}\n    outputs = {"y": (3, "m")}\n'
+        '    def step(self, t, dt, u):\n        return {"y": u["u"]}\n'
+    )
+    (tmp_path / "part.py").write_text(part)
+    system = System("pair", "0.1", base=tmp_path).add("a", "part.py:Pair", {"u": [1, 2, 3]})
+    changes = (Change(0.1, "a.u[2]", 0.5), Change(0.2, "a.u[1:2]", [8, 9]))
+    run(system, until=0.4, out=tmp_path / "r", scenario=Scenario("s", changes))
+    assert np.array_equal(
+        read_signals(tmp_path / "r")["a.y"][2:], [[1, 0.5, 3], [8, 9, 3], [8, 9, 3]]
+    )
+    for name, value in (("a.u[4]", 1), ("a.u[1:2]", [1, 2, 3]), ("a.u[1]", "1 m")):
+        with pytest.raises(InputInvalid, match=r"a\.u\["):
+            run(
+                system,
+                until=0.1,
+                out=tmp_path / "s",
+                scenario=Scenario("s", (Change(0.0, name, value),)),
+            )
+
+
 def test_the_shipped_scenario_is_read_and_fits_its_system(tmp_path: Path) -> None:
     import uuvsim_cosim as uuv
 
@@ -138,7 +160,9 @@ def test_libcosims_override_of_an_input_whose_source_feeds_others_is_refused(
     fan = system.add("b", "part.py:Ramp").add("c", "part.py:Ramp")
     fan = fan.connect("a.v", "b.u").connect("a.v", "c.u")
     event = {"time": 0.5, "model": "b", "variable": "u", "action": "override", "value": 7}
-    with pytest.raises(InputInvalid, match=r"b\.u: is connected to a\.v, which feeds c\.u too"):
+    with pytest.raises(
+        InputInvalid, match=r"b\.u: is connected to a\.v, which is connected to c\.u as well"
+    ):
         run(fan, until=1.0, out=tmp_path / "r", scenario=libcosim(tmp_path, event))
 
 

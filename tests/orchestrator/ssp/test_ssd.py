@@ -140,7 +140,7 @@ def test_bindings_of_files_mappings_and_prefixes_are_applied(
     system = read_ssd(tmp_path / "s.ssd")
     start = system.components["hull"].start
     assert start == {"eta_0": (1.0, 2.0, 3.0, 4.0, 5.0, 6.0), "mass": 3.0}
-    assert "gives no step: 0.01 s is taken" in system.notes[0]
+    assert "states no step: 0.01 s is used" in system.notes[0]
 
 
 def test_every_problem_of_a_file_is_reported_at_once(tmp_path: Path) -> None:

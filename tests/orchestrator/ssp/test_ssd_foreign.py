@@ -117,7 +117,7 @@ def test_of_the_steps_of_three_tools_the_first_is_taken_and_the_others_are_compa
     top = f"<ssd:Annotations>{notes}</ssd:Annotations>"
     system = read(ssd(inside(FILTERS), "", top, OSP.format(osp) if osp else ""), tick="0.25")
     assert str(system.tick) == step
-    assert len([n for n in system.notes if "is taken" in n]) == said
+    assert len([n for n in system.notes if "is used" in n]) == said
 
 
 def test_a_hint_is_a_components_step_in_whole_ticks(read: Read) -> None:
@@ -127,7 +127,7 @@ def test_a_hint_is_a_components_step_in_whole_ticks(read: Read) -> None:
     assert str(system.components["a"].rate) == "1/50"
     system = read(ssd(inside(text.replace("0.02", "0.0203")), "", "", OSP.format("0.01")))
     assert str(system.components["a"].rate) == "1/50"
-    assert "no multiple of 0.01 s: 0.02 s is taken" in system.notes[0]
+    assert "no multiple of 0.01 s: 0.02 s is used" in system.notes[0]
 
 
 def test_a_nested_system_without_a_step_has_that_of_the_one_around_it(read: Read) -> None:
@@ -474,7 +474,7 @@ def test_a_value_of_a_connector_that_leads_to_nothing_is_said(read: Read) -> Non
     inner = f'<ssd:System name="i">{idle}{binding(real("C1", 1))}{inside(FILTERS)}</ssd:System>'
     outer = f'<ssd:System name="o">{inside(inner)}</ssd:System>'
     system = read(ssd(binding(real("o.i.C1", 2)) + inside(outer)))
-    assert "value of 'o.i.C1', a connector that leads to nothing" in " ".join(system.notes)
+    assert "value of 'o.i.C1', a connector that is not connected" in " ".join(system.notes)
     assert "value of 'C1' belongs to no component" in " ".join(system.notes)
 
 
@@ -504,7 +504,7 @@ def test_a_proxy_is_read_as_its_file(first_order_fmi2: Path, tmp_path: Path) -> 
     file.write_text(ssd(inside(f'<ssd:Component name="a" source="{uri.format("localhost")}"/>')))
     system = read_ssd(file)
     assert system.components["a"].source == "x.fmu"
-    assert any("proxyfmu is read as its file" in note for note in system.notes)
+    assert any("the file of proxyfmu is read" in note for note in system.notes)
     file.write_text(ssd(inside(f'<ssd:Component name="a" source="{uri.format("elsewhere")}"/>')))
     with pytest.raises(SystemInvalid, match="nothing is run on other machines") as raised:
         read_ssd(file)

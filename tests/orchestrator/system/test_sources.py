@@ -1,17 +1,22 @@
 """A CSV file as a component of a system."""
 
 from pathlib import Path
+from shutil import copytree
 from typing import Literal
 
 import pytest
 
 from uuvsim_cosim.errors import SystemInvalid
+from uuvsim_cosim.fmus.codegen import native
+from uuvsim_cosim.fmus.codegen.native import Native
+from uuvsim_cosim.models.declaration.parameter_files import vehicle_folder
 from uuvsim_cosim.orchestrator.master.master import Master
 from uuvsim_cosim.orchestrator.master.prepared import prepare
 from uuvsim_cosim.orchestrator.plan.flatten import flatten
 from uuvsim_cosim.orchestrator.running.library import load
 from uuvsim_cosim.orchestrator.ssp.ssd import read_ssd, write_ssd
 from uuvsim_cosim.orchestrator.ssp.ssp import pack
+from uuvsim_cosim.orchestrator.system.resolve import resolve
 from uuvsim_cosim.orchestrator.system.system import System
 
 TABLE = "time,speed,depth\n0.1,1,0\n0.3,2,0\n0.3,5,8\n0.5,5,9\n"
@@ -69,7 +74,7 @@ def test_a_snapshot_of_a_table_goes_back(tmp_path: Path) -> None:
         ("x,y\n0,1\n", "'x'; expected 'time'"),
         ("time\n0\n", "only the column 'time'"),
         ("time,y,\n0,1,2\n", "column 3: no name"),
-        ("time,y,y\n0,1,2\n", "'y' is there twice"),
+        ("time,y,y\n0,1,2\n", "'y' is given twice"),
         ("time,y\n", "no line after the header"),
         ("time,y\n1,1\n0,2\n", "do not decrease"),
         ("time,y\n0,nan\n", "finite number"),
@@ -80,3 +85,37 @@ def test_a_wrong_table_is_named_by_line_and_column(tmp_path: Path, text: str, sa
     (tmp_path / "t.csv").write_text(text)
     with pytest.raises(SystemInvalid, match=said):
         System("s", "0.1").add("t", str(tmp_path / "t.csv")).validate()
+
+
+def test_native_components_of_one_source_share_one_library(monkeypatch: pytest.MonkeyPatch) -> None:
+    first = resolve("model:thruster_t200").instantiate("a", backend="native")
+    first.free()
+    monkeypatch.setattr(native, "compile_native", lambda lowered: pytest.fail("compiled again"))
+    second, third = (
+        resolve("model:thruster_t200").instantiate(path, backend="native") for path in "bc"
+    )
+    assert isinstance(second, Native)
+    assert isinstance(third, Native)
+    u = second.description.variables["u"]
+    second.set(u, 0.5)
+    assert (second.path, second.get(u), third.path, third.get(u)) == ("b", 0.5, "c", 0.0)
+
+
+def test_a_native_component_is_compiled_again_after_a_change_of_its_file(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    file = tmp_path / "ball" / "parameters.yaml"
+    copytree(vehicle_folder("sphere"), file.parent)
+
+    def speed() -> float:
+        hull = resolve(f"model:vehicle?id={file.parent}").instantiate("hull", backend="native")
+        hull.enter_initialization_mode(0.0, None)
+        hull.set(hull.description.variables["tau"], [1.0, 0.0, 0.0, 0.0, 0.0, 0.0])
+        hull.exit_initialization_mode()
+        hull.do_step(0.0, 0.01)
+        return float(hull.get(hull.description.variables["nu"])[0])
+
+    before = speed()
+    file.write_text(file.read_text().replace("M_A_11: {value: 16.", "M_A_11: {value: 26."))
+    assert 0 < speed() < 0.9 * before

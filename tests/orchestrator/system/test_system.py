@@ -126,7 +126,7 @@ def test_values_are_held_in_the_unit_and_shape_of_their_variable(
         ("current.speed", float("nan"), "nan; expected"),
         ("hull.eta_0", [1, 2], "2 values; expected 6 values"),
         ("hull.eta_0", 1, "a scalar; expected 6 values"),
-        ("hull.J", [[1], [2, 3]], "uneven"),
+        ("hull.J", [[1], [2, 3]], "lists of different lengths"),
         ("controller.order", 1.5, "1.5; expected a value of type Int32"),
         ("controller.enabled", 3, "3; expected a value of type Boolean"),
         ("hull.maas", 3, "such as mass"),
@@ -160,7 +160,7 @@ def test_a_tick_that_is_no_time_is_refused(tick: str) -> None:
 def test_a_source_that_cannot_be_read_is_refused_by_name() -> None:
     with pytest.raises(SystemInvalid, match=r"a: .*no/such.fmu: no such file; expected an FMU"):
         System("s").add("a", "no/such.fmu")
-    with pytest.raises(SystemInvalid, match=r"of no known kind; expected a .fmu"):
+    with pytest.raises(SystemInvalid, match=r"of an unknown kind; expected a .fmu"):
         System("s").add("a", "nothing.txt")
     with pytest.raises(SystemInvalid, match=r"there is no model 'lqrr' \(did you mean lqr"):
         System("s").add("a", "lqrr")
@@ -207,7 +207,7 @@ def test_a_group_names_components_that_exist_and_each_once(vehicle: System) -> N
 def test_a_unit_that_one_side_leaves_out_is_noted(vehicle: System) -> None:
     s = System("s").add("f", "fake:foreign").add("t", "fake:thruster")
     s = s.connect("t.thrust", "f.In1")
-    assert s.notes == ("f.In1: no unit given, taken as N from t.thrust",)
+    assert s.notes == ("f.In1: no unit given; N is used, that of t.thrust",)
 
 
 def test_exposed_elements_keep_their_own_units() -> None:

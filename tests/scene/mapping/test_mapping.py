@@ -223,7 +223,7 @@ def test_a_vehicle_beside_or_far_above_its_terrain_is_refused(
     with pytest.raises(InputInvalid, match="is nowhere above the terrain"):
         map_seabed(beside, caster, [camera])
     high = Track(way.time, {"true": way.poses["true"] - [0, 0, 14, 0, 0, 0]})
-    with pytest.raises(InputInvalid, match=r"nothing of the seabed was seen \(.* 0.3 to 4 m"):
+    with pytest.raises(InputInvalid, match=r"no part of the seabed was seen \(.* 0.3 to 4 m"):
         map_seabed(high, caster, [replace(camera, far=4.0)])
 
 

@@ -154,7 +154,7 @@ def test_updates_are_applied_in_their_sequence(tmp_path: Path) -> None:
     two.delete(gone)
     two.write(tmp_path / "A.002")
     made = chart_terrain(chart)
-    assert made.facts["updates"] == "A.001, A.002; stands at update 2"
+    assert made.facts["updates"] == "A.001, A.002; the chart is at update 2"
     assert made.facts["known"].startswith("145 soundings")
     assert made.obstacles == ()
     assert "edition 3, update 2" in made.terrain.source
@@ -193,7 +193,7 @@ def test_a_reissued_cell_goes_on_where_it_stands(tmp_path: Path) -> None:
         update.soundings([(10.0111, 54.0111 + 1e-4 * number, 12.3)])
         update.write(tmp_path / f"A.{number:03d}")
     made = chart_terrain(chart)
-    assert made.facts["updates"] == "A.005; stands at update 5"
+    assert made.facts["updates"] == "A.005; the chart is at update 5"
     assert made.facts["known"].startswith("145 soundings")
 
 
@@ -292,7 +292,7 @@ def test_an_update_that_is_cut_between_two_records_is_not_applied(tmp_path: Path
     chart = read_chart(file)
     assert chart.files.updates == ()
     assert "incomplete" in chart.notes[0]
-    assert "the chart stands at update 0" in chart.notes[0]
+    assert "the chart remains at update 0" in chart.notes[0]
 
 
 def test_a_damaged_file_is_refused_at_its_place(tmp_path: Path) -> None:
@@ -325,7 +325,7 @@ def test_invented_relief_is_seeded_and_said_and_stays_in_its_band(tmp_path: Path
     assert not np.array_equal(one.terrain.z, other.terrain.z, equal_nan=True)
     assert not np.array_equal(one.terrain.z, plain.terrain.z, equal_nan=True)
     assert "invented (seed 1)" in one.terrain.source
-    assert any("no sounding saw it" in n for n in one.notes)
+    assert any("no sounding measured it" in n for n in one.notes)
     longitude, _ = _degrees(one)
     deep = longitude > SHORE + 0.55 * (EAST - SHORE)
     assert np.nanmin(one.terrain.z[deep]) >= 20.0

@@ -227,7 +227,7 @@ def test_feet_become_metres_and_it_is_said(tmp_path: Path) -> None:
     np.testing.assert_allclose(made.terrain.z, 30.48, atol=1e-4)
     assert any("values are in ft: converted" in n for n in made.notes)
     silent = grid(tmp_path / "b.tif", np.full((20, 20), -100.0), unit="")
-    assert any("does not say its unit" in n for n in raster_terrain(silent, 10.0).notes)
+    assert any("does not state its unit" in n for n in raster_terrain(silent, 10.0).notes)
     np.testing.assert_allclose(raster_terrain(silent, 10.0, unit="ft").terrain.z, 30.48, atol=1e-4)
 
 

@@ -1,6 +1,7 @@
 import numpy as np
 import pytest
 
+from uuvsim_cosim.view.recorded import metrics
 from uuvsim_cosim.view.recorded.metrics import (
     cross_track_error,
     energy,
@@ -41,7 +42,7 @@ def test_cross_track_error_does_not_depend_on_depth_or_on_repeated_waypoints() -
 def test_a_sine_beside_the_path_has_the_rms_of_a_sine() -> None:
     n = np.linspace(0.0, 10.0, 10_001)
     eta = np.column_stack([n, 0.3 * np.sin(2 * np.pi * n), 5 + 0 * n, 0 * n, 0 * n, 0 * n])
-    found = tracking(n, eta, CORNER[:2], eta)
+    found = tracking(n, eta, CORNER[:2], eta[:, 2])
     assert found.rms == pytest.approx(0.3 / np.sqrt(2), rel=1e-3)
     assert found.max == pytest.approx(0.3, rel=1e-6)
     assert found.depth_rms == 0.0
@@ -70,14 +71,14 @@ def test_heading_errors_are_taken_the_short_way_round() -> None:
                                [-np.pi + 0.1, np.pi - 0.1, 6.2 - 2 * np.pi])  # fmt: skip
     true, hat = np.zeros((4, 6)), np.zeros((4, 6))
     true[:, 5], hat[:, 5] = 3.1, -3.1
-    assert navigation_errors(hat, true).heading_rms == pytest.approx(2 * np.pi - 6.2)
+    assert navigation_errors(hat.T, true.T).heading_rms == pytest.approx(2 * np.pi - 6.2)
 
 
 def test_a_gaussian_error_of_its_own_sigma_lies_inside_3_sigma_as_often_as_it_should() -> None:
     random = np.random.default_rng(1)
     true = np.zeros((200_000, 6))
     sigma = np.full_like(true, 0.2)
-    found = navigation_errors(0.2 * random.standard_normal(true.shape), true, sigma)
+    found = navigation_errors(0.2 * random.standard_normal(true.shape).T, true.T, sigma.T)
     for share in found.inside.values():
         assert share == pytest.approx(0.9973, abs=6e-4)
     assert found.horizontal_rms == pytest.approx(0.2 * np.sqrt(2), rel=5e-3)
@@ -107,3 +108,33 @@ def test_a_nested_vehicles_signals_are_found_by_the_end_of_their_name() -> None:
     found = traces.vector("hull.eta", 6)
     assert found is not None
     assert found.shape == (3, 6)
+
+
+@pytest.mark.parametrize(("speed", "until"), [(0.5, True), (0.0, False)])
+def test_the_error_ends_where_a_vehicle_circles_but_not_where_it_holds(
+    speed: float, until: bool
+) -> None:
+    """At 10 s the path is done; the vehicle is 8 m away from then on."""
+    time = np.arange(21.0)
+    eta = np.zeros((21, 6))
+    eta[:, 0] = np.minimum(time, 10.0)
+    eta[11:, 1] = 8.0
+    nu_d = np.zeros((21, 6))
+    nu_d[:, 0] = np.where(time < 10, 0.5, speed)
+    done = (time > 10).astype(float)
+    values = {"hull.eta": eta, "guidance.nu_d": nu_d, "guidance.done": done}
+    found = {f.key: f for f in figures(Traces(time, values), CORNER[:2])}
+    assert found["cross_track_max"].value == (0.0 if until else 8.0)
+    assert ("until the path's end (11 s)" in found["cross_track_rms"].note) == until
+
+
+@pytest.mark.parametrize("rows", [1, 7, 49, 50])
+def test_figures_of_blocks_have_the_bits_of_figures_of_the_whole(
+    rows: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    eta = np.random.default_rng(1).normal(size=(50, 6))
+    traces = Traces(np.arange(50.0), {"hull.eta": eta})
+    whole, error = figures(traces, CORNER), cross_track_error(eta, CORNER)
+    monkeypatch.setattr(metrics, "ROWS", rows)
+    assert figures(traces, CORNER) == whole
+    np.testing.assert_array_equal(cross_track_error(eta, CORNER), error)

@@ -51,7 +51,7 @@ def test_the_parameters_of_greatest_rank_correlation_are_drawn_and_the_others_co
 
 def test_dots_are_the_runs_of_the_grid_point_where_the_metric_varies_most() -> None:
     page = report()
-    assert "Dots are the runs at depth = 10 m" in page
+    assert "Dots show the runs at depth = 10 m" in page
     assert "mean with 95 % interval" in page
 
 

@@ -235,7 +235,7 @@ def test_a_sensor_whose_rays_point_nowhere_known_is_noted_once(
     notes: list[str] = []
     place: Any = lambda _, name: np.zeros(3) if name == "r_s" else None  # noqa: E731
     assert list(rays_of(plan, 0, place, notes)) == []
-    assert notes == ["sonar.range: where its 3 rays point is not known"]
+    assert notes == ["sonar.range: the directions of its 3 rays are not known"]
 
 
 def test_echoes_over_a_flat_bottom_lie_on_it() -> None:

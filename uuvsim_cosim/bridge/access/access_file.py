@@ -37,13 +37,13 @@ def read_access(path: str | Path) -> Access:
     tls = None if plain or "tls" not in data else _tls(text, data["tls"], file.parent)
     listen = _listen(text, data["listen"]) if "listen" in data else LOOPBACK
     if not text.mistakes and not users and anyone is None and not (tls and tls.roles):
-        text.wrong([], "nobody may enter; expected users, anyone, or roles of certificates")
+        text.wrong([], "no client is admitted; expected users, anyone, or roles of certificates")
     far = [host for host in listen if not is_loopback(host)]
     if not text.mistakes and far and tls is None and not plain:
         text.wrong(
             ["listen"],
-            f"{', '.join(far)} without tls, where passwords and values can be read on the way; "
-            "expected tls with a certificate and a key, or `tls: none` to do it nevertheless",
+            f"{', '.join(far)} without tls: others in the network can read passwords and values; "
+            "expected tls with a certificate and a key, or `tls: none` to allow this",
         )
     text.refuse()
     return Access(users, tls, anyone, listen, plain)
@@ -63,7 +63,7 @@ def _users(text: YamlText, data: object) -> dict[str, User]:
             if not is_hash(entry.get("password")):  # not shown: it may be the password itself
                 text.wrong(
                     [*place, "password"],
-                    "not a salted hash; expected what `uuvsim access password` prints",
+                    "not a salted hash; expected the output of `uuvsim access password`",
                 )
             elif role is not None:
                 found[str(name)] = User(str(name), role, str(entry["password"]))
@@ -81,7 +81,8 @@ def _listen(text: YamlText, data: object) -> tuple[str, ...]:
         except ValueError:
             text.wrong(
                 ["listen", k],
-                f"{host!s} is no address of this machine; expected such as 127.0.0.1, or 0.0.0.0 "
+                f"{host!s} is no address of this machine; expected one such as 127.0.0.1, or "
+                "0.0.0.0 "
                 "for all (ports are options of `uuvsim serve`)",
             )
     return tuple(dict.fromkeys(str(host) for host in hosts))

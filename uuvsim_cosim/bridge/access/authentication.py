@@ -65,13 +65,13 @@ class Authenticator:
                 return permissions("owner")
             read = "the token is wrong" if token else "this co-simulation requires a token"
             raise InputInvalid(
-                f"{read}. Programs of the user who serves find it in {self._place}; other programs "
+                f"{read}. Programs of the server's user find it in {self._place}; other programs "
                 "pass it as token= or in the environment variable UUVSIM_TOKEN"
             )
         mutual = access.tls is not None and access.tls.ca is not None
         if mutual and certificate is None:
             raise InputInvalid(
-                "this co-simulation asks for a certificate", "one that its CA has signed"
+                "this co-simulation requires a certificate", "one that its CA has signed"
             )
         if user is not None:
             return self._by_password(user, password or "")
@@ -82,10 +82,11 @@ class Authenticator:
             return access.anonymous
         if mutual and not access.users:
             raise InputInvalid(
-                f"the certificate {certificate or 'of this client'!s} has no role here",
-                "one whose common name the access file has under tls, roles",
+                f"the certificate {certificate or 'of this client'!s} has no role in the access "
+                "file",
+                "one whose common name is under tls, roles in the access file",
             )
-        raise InputInvalid("this co-simulation asks who you are", "user and password")
+        raise InputInvalid("this co-simulation requires a login", "user and password")
 
     def _by_password(self, name: str, password: str) -> frozenset[str]:
         user = self.access.users.get(name)

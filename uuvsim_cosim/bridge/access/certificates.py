@@ -131,7 +131,7 @@ def _read(place: Path) -> Pair:
     except (OSError, ValueError, TypeError) as error:
         raise InputInvalid(f"{place}: ca.pem and ca-key.pem cannot be read ({error})") from None
     if not isinstance(key, ec.EllipticCurvePrivateKey):
-        raise InputInvalid(f"{place / 'ca-key.pem'}: expected a key as this command makes them")
+        raise InputInvalid(f"{place / 'ca-key.pem'}: expected a key made by this command")
     return certificate, key
 
 

@@ -35,6 +35,6 @@ def check(client: Client, call: str) -> None:
     allows = [role for role, allowed in ROLES.items() if needed in allowed]
     raise InputInvalid(
         call,
-        f"client {client.name!r} may {may}, and this needs {needed!r}",
+        f"client {client.name!r} may {may}, but this call needs {needed!r}",
         f"a role such as {allows[0]}",
     )

@@ -135,8 +135,8 @@ def secured(plain: socket.socket, context: ssl.SSLContext, patience: float) -> s
     """
     if not speaks_tls(plain, min(patience, 1.0)):
         raise InputInvalid(
-            "this server speaks TLS",
-            "a client that does as well (see docs/connections/security.md)",
+            "this server uses TLS",
+            "a client that uses TLS (see docs/connections/security.md)",
         )
     plain.settimeout(patience)
     return context.wrap_socket(plain, server_side=True)
@@ -156,7 +156,7 @@ def why_refused(
     try:
         with connection as plain:
             if select.select([plain], [], [], 0.0)[0]:  # the server sends first, unlike TLS
-                return "it does not speak TLS"
+                return "it does not use TLS"
             with context.wrap_socket(plain, server_hostname=host) as client:
                 if listen:
                     client.settimeout(listen)
@@ -167,7 +167,7 @@ def why_refused(
         return reason_of(error, host)
     except OSError as error:
         if isinstance(error, ConnectionResetError | BrokenPipeError | TimeoutError):
-            return "it does not speak TLS, or not with this client; expected no ca= if it does not"
+            return "it does not use TLS, or not with this client; expected no ca= if it does not"
         return None
 
 
@@ -183,22 +183,22 @@ def reason_of(error: ssl.SSLError, host: str) -> str:
         if "expired" in message:
             return "its certificate has expired; expected a new one there"
         if "not yet valid" in message:
-            return "its certificate is not valid yet; expected clocks that agree"
+            return "its certificate is not valid yet; expected synchronised clocks"
         return (
             f"its certificate is not signed by the CA that is trusted here ({message}); expected "
             "ca=, the file ca.pem of the server"
         )
     text = str(error).lower()
     if "certificate_required" in text or "certificate required" in text:
-        return "it asks for a certificate of this client; expected certificate= and key="
+        return "it requires a certificate of this client; expected certificate= and key="
     if "unknown_ca" in text or "unknown ca" in text or "decrypt_error" in text:
         return "it does not know the CA of this client's certificate; expected one of its own CA"
     if "certificate_expired" in text or "certificate expired" in text:
         return "this client's certificate has expired; expected a new one"
     if "alert" in text and "certificate" in text:
-        return f"it does not take this client's certificate ({error.reason})"
+        return f"it refuses this client's certificate ({error.reason})"
     if "wrong_version" in text or "record layer" in text or "eof" in text:
-        return "it does not speak TLS; expected no ca= and no certificate="
+        return "it does not use TLS; expected no ca= and no certificate="
     return f"TLS fails ({error.reason or error})"
 
 

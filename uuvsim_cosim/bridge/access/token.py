@@ -43,7 +43,7 @@ def token_folder() -> Path:
     if not folder.is_absolute():
         raise InputInvalid(
             f"token folder {folder}",
-            "there is no home directory to keep it in",
+            "there is no home directory",
             (
                 "the environment variable UUVSIM_TOKENS with the absolute path of "
                 "a folder of your own"
@@ -113,7 +113,7 @@ class TokenFile(Closing):
                 f"cannot be written ({error.strerror})",
                 (
                     "the environment variable UUVSIM_TOKENS with a folder of your own, "
-                    "or `uuvsim serve --anyone`, which asks for no token"
+                    "or `uuvsim serve --anyone`, which requires no token"
                 ),
             ) from None
         close_at_exit(self)
@@ -143,7 +143,7 @@ def _read(file: Path) -> str:
             f"token file {file}", f"cannot be read ({error.strerror})", "a file of your own"
         ) from None
     if not _TOKEN.fullmatch(text):
-        raise InputInvalid(f"token file {file}", "holds no token", "what a server writes")
+        raise InputInvalid(f"token file {file}", "holds no token", "a file written by a server")
     return text
 
 
@@ -157,7 +157,7 @@ def _refuse_others(path: Path, found: os.stat_result) -> None:
     elif found.st_uid != os.geteuid():
         why = f"it belongs to user {found.st_uid}"
     elif found.st_mode & 0o077:
-        why = f"its mode {stat.S_IMODE(found.st_mode):o} lets other users in"
+        why = f"its mode {stat.S_IMODE(found.st_mode):o} gives other users access"
     else:
         return
     raise InputInvalid(

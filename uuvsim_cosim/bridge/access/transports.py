@@ -43,7 +43,7 @@ class ServerSettings:
     def summary(self) -> str:
         """Who has access, in one line."""
         if self.authenticator is None:
-            return "to anybody who can reach it, who may do everything"
+            return "to everybody who can reach it, with all permissions"
         access = self.authenticator.access
         if access.token is not None:
             return "on this machine to programs of this user"
@@ -62,28 +62,28 @@ def server_settings(
     the file. `anyone` allows everything without file and token, also from other machines.
     """
     if access is not None and anyone:
-        raise InputInvalid("--anyone lets everybody in, and --access does not", "one")
+        raise InputInvalid("--anyone admits everybody, but --access does not", "one")
     read: Access | None = None if access is None else read_access(access)
     chosen = tuple(dict.fromkeys(hosts)) or (read.listen if read is not None else LOOPBACK)
     far = ", ".join(host for host in chosen if not is_loopback(host))
     if far and read is None and not anyone:
         raise InputInvalid(
             (
-                f"{far} is beyond this machine, where anybody could step and change "
-                "the co-simulation"
+                f"{far} is reachable from other machines, where anybody could step and change the "
+                "co-simulation"
             ),
             (
-                "--access FILE that says who may (see "
-                "docs/connections/security.md), or --anyone to let everybody in"
+                "--access FILE with users and roles (see "
+                "docs/connections/security.md), or --anyone to admit everybody"
             ),
         )
     if far and read is not None and read.tls is None and not read.plain:
         raise InputInvalid(
             (
-                f"{far} is beyond this machine, and {access} has no tls, so that "
-                "passwords and values can be read on the way"
+                f"{far} is reachable from other machines, and {access} has no tls, so that others "
+                "in the network can read passwords and values"
             ),
-            "tls there, or `tls: none` to do it nevertheless",
+            "tls in that file, or `tls: none` to allow this",
         )
     if anyone:
         return ServerSettings(chosen, None)

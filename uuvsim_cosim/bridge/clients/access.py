@@ -77,9 +77,10 @@ class Credentials:
             with contextlib.suppress(InputInvalid):  # no home directory
                 place = str(token_folder())
             raise InputInvalid(
-                f"{host}, port {port}, opens no session to this client: it requires {required}, or "
-                "is not the port that `uuvsim serve` names for Python. Programs of the user who "
-                f"serves find the token in {place}; other programs pass it as token= or in the "
+                f"{host}, port {port}, opens no session to this client: the server requires "
+                f"{required}, or this is not the port that `uuvsim serve` prints for Python. "
+                "Programs of the server's user "
+                f"find the token in {place}; other programs pass it as token= or in the "
                 "environment variable UUVSIM_TOKEN"
             )
         raise refused
@@ -125,6 +126,6 @@ def _wants_tls(host: str, port: int) -> str | None:
             socket.create_connection((host, port), timeout=2.0) as plain,
             context.wrap_socket(plain, server_hostname=host),
         ):
-            return "it speaks TLS; expected ca=, the file ca.pem of the server"
+            return "it uses TLS; expected ca=, the file ca.pem of the server"
     except (OSError, ValueError):
         return None

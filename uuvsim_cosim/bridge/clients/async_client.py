@@ -20,7 +20,24 @@ T = TypeVar("T")
 
 
 async def connect_async(system: str | None = None, **options: Any) -> AsyncConnection:
-    """Connect as `connect` does, with its options."""
+    """Connect to a co-simulation from asyncio; `system` and `options` are those of `connect`.
+
+    The calls of the connection are coroutines, which a thread makes in order, one at a time. Raises
+    the errors of `connect`.
+
+    Example:
+
+    >>> import asyncio
+    >>> import uuvsim_cosim as uuv
+    >>> from uuvsim_cosim.bridge import connect_async
+    >>> async def surge(port):
+    ...     async with await connect_async(port=port) as client:
+    ...         return await client.step(10, {"hull.tau": [50, 0, 0, 0, 0, 0]}, ["hull.nu[1]"])
+    >>> boat = uuv.System("boat", tick="0.1").add("hull", "model:bluerov2_heavy")
+    >>> with uuv.Bridge(boat, port=0) as bridge:
+    ...     asyncio.run(surge(bridge.port))  # m/s after 1 s with 50 N
+    {'hull.nu[1]': 0.548...}
+    """
     calls = ThreadPoolExecutor(1, "uuvsim-client")
     made = partial(connect, system, **options)
     try:

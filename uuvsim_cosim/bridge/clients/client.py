@@ -41,15 +41,35 @@ def connect(
     key: str | Path | None = None,
     token: str | None = None,
 ) -> Connection:
-    """Connect to a co-simulation that `uuvsim serve` or a `Bridge` runs.
+    """Connect to a co-simulation that `uuvsim serve` or a `Bridge` runs at `host` and `port`.
 
-    `system` is needed only if the server has several. With `lockstep`, time advances only when this
-    client and all others in lockstep have requested their step; after `lag` seconds without a
-    request, the fail-safe of the co-simulation decides how the others continue. `user` and
-    `password`, and the PEM files `ca` (with it, TLS is used), `certificate` and `key` are needed if
-    the server asks for them. `token` is that of a server without an access file; for a server of
-    this user on this machine, it is found automatically. Raises Disconnected if there is no server,
-    InputInvalid with the reason if the client is refused.
+    The connection reads and sets variables (`get`, `set`, `signals`, `schema`, `describe`),
+    advances time (`step`, `run`, `pause`), goes back (`reset`, `snapshot`, `restore`, `discard`),
+    replaces components (`replace`) and receives states as they come (`subscribe`). `time` is the
+    time [s] at the last answer. docs/connections/connect_python.md shows each of them.
+
+    `system` is needed only if the server has several. Other clients see this client as `name`. With
+    `lockstep`, time advances only when this client and all others in lockstep have requested their
+    step; after `lag` seconds without a request, the fail-safe of the co-simulation decides how the
+    others continue. `user` and `password`, and the PEM files `ca` (with it, TLS is used),
+    `certificate` and `key` are needed if the server asks for them. `token` is that of a server
+    without an access file; for a server of this user on this machine, it is found automatically.
+
+    Raises Disconnected if there is no server, and InputInvalid with the reason if the client is
+    refused. A refused call raises the error that a local master raises.
+
+    Example:
+
+    >>> import uuvsim_cosim as uuv
+    >>> boat = uuv.System("boat", tick="0.1").add("hull", "model:bluerov2_heavy")
+    >>> bridge = uuv.Bridge(boat, port=0)  # or `uuvsim serve` in another terminal
+    >>> client = uuv.connect(port=bridge.port)
+    >>> client.step(10, {"hull.tau": [50, 0, 0, 0, 0, 0]}, ["hull.nu[1]"])  # N; m/s
+    {'hull.nu[1]': 0.548...}
+    >>> client.time  # s: ten communication steps of 0.1 s
+    1.0
+    >>> client.close()
+    >>> bridge.close()
     """
     if isinstance(port, bool) or not isinstance(port, int) or not 0 < port < 1 << 16:
         raise InputInvalid("connect", f"port {port!r}", "a whole number, 1 to 65535")
@@ -108,9 +128,9 @@ class Connection(Closing):
             raise InputInvalid(
                 (
                     f"the co-simulation (uuvsim-cosim {joined.get('version', 'unknown')}) "
-                    f"speaks protocol {joined.get('protocol')}"
+                    f"uses protocol {joined.get('protocol')}"
                 ),
-                f"protocol {PROTOCOL}, as uuvsim-cosim {__version__} has, which connects",
+                f"protocol {PROTOCOL}, that of this client (uuvsim-cosim {__version__})",
             )
         self.name = str(joined["name"])
         self.allowed = frozenset(joined.get("allowed", ("read", "set", "step", "manage")))
@@ -239,7 +259,7 @@ class Connection(Closing):
         paths = {c["path"] for c in self.describe()["components"]}
         if "read" not in self.allowed:
             may = ", ".join(sorted(self.allowed)) or "nothing"
-            raise InputInvalid(f"subscribe: this client may {may}, and this needs 'read'")
+            raise InputInvalid(f"subscribe: this client may {may}, but this call needs 'read'")
         session = self._session
         if self._reader is not None:  # Zenoh's access control lets only this user subscribe
             if self._states is None:
@@ -295,7 +315,7 @@ class Connection(Closing):
         reply = self._asking.ask(key, text, block)
         if reply is None:
             raise Disconnected(
-                f"{call}: the co-simulation {self.system!r} is gone; expected it to run"
+                f"{call}: the co-simulation {self.system!r} has ended; expected it to run"
             )
         if reply.ok is None:
             raise error_of(read_message(b"" if reply.err is None else reply.err.payload.to_bytes()))

@@ -126,9 +126,9 @@ def _c(text: str) -> str:
 
 
 _PAGE = """This is a client of a co-simulation that runs elsewhere: start it there with
-`uuvsim serve`. It connects to the parameters host and port when initialization ends, takes the
-time over (a co-simulation that streams is paused), and each step makes whole communication steps
-there. Parameters and inputs are named as in the system, with _ for a dot."""
+`uuvsim serve`. It connects to the parameters host and port at the end of initialization,
+and takes control of time (a running co-simulation is paused). Each of its steps makes whole
+communication steps there. Parameters and inputs are named as in the system, with _ for a dot."""
 
 
 def build_client_fmu(
@@ -201,22 +201,23 @@ _HEAD = """/* Generated from a system: do not edit. */
 
 
 _PARAMETERS: tuple[tuple[str, VariableType, str, str | None, float | None, float | None], ...] = (
-    ("port", "Int32", "TCP port that `uuvsim serve` names", None, 1, 65535),
+    ("port", "Int32", "TCP port that `uuvsim serve` prints", None, 1, 65535),
     (
-        "restart", "Boolean", "go back to the start, with the values given here, when "
-        "initialization ends; false: go on from where the co-simulation is", None, None, None,
+        "restart", "Boolean", "restart the co-simulation with the values given here at the end of "
+        "initialization; false: continue from its present state", None, None, None,
     ),
     ("seed", "Int32", "seed of a restart; -1: that of the server", None, -1, None),
-    ("lag", "Float64", "how long others in lockstep wait for this one", "s", 0.001, 3600),
-    ("timeout", "Float64", "how long this one waits for an answer", "s", 0.001, 86400),
+    ("lag", "Float64", "longest time that other lockstep clients wait for this "
+    "one", "s", 0.001, 3600),
+    ("timeout", "Float64", "longest time that this client waits for an answer", "s", 0.001, 86400),
     (
         "host", "String", "name or address of the machine where `uuvsim serve` runs",
         None, None, None,
     ),
-    ("user", "String", "user's name, where the server asks for one", None, None, None),
+    ("user", "String", "user's name, if the server requires one", None, None, None),
     (
         "password", "String",
-        "password; where it is empty, the environment variable UUVSIM_PASSWORD", None, None, None,
+        "password; if it is empty, the environment variable UUVSIM_PASSWORD", None, None, None,
     ),
 )  # fmt: skip
 

@@ -293,6 +293,8 @@ class _Server:
             session = self._session
             live = session.alive(remote_component_key(call="live")) if session.is_open else ()
             served = sorted(key.split("/")[1] for key in live)
+            if source.name in served:  # Zenoh may end a query that timed out without saying so
+                raise self._late()
             expected = f"serve_component(…, {source.name!r}) to run there"
             if served:
                 expected = expected_names(source.name, served)
@@ -306,11 +308,14 @@ class _Server:
             return answer, b"" if attached is None else attached.to_bytes()
         data = b"" if reply.err is None else reply.err.payload.to_bytes()
         if data == b"Timeout":  # Zenoh's own error
-            raise Disconnected(
-                f"{source.text}: did not answer within {source.timeout:g} s; expected an answer "
-                "sooner, or a longer ?timeout="
-            )
+            raise self._late()
         raise error_of(read_message(data))
+
+    def _late(self) -> Disconnected:
+        return Disconnected(
+            f"{self._source.text}: did not answer within {self._source.timeout:g} s; expected an "
+            "answer within this time, or a longer ?timeout="
+        )
 
 
 def _session(source: RemoteSource) -> WrappedSession:
@@ -326,7 +331,7 @@ def _session(source: RemoteSource) -> WrappedSession:
             _sessions[key] = Credentials().opened(*key)
         except Disconnected:
             raise Disconnected(
-                f"{source.text}: nobody answers at {source.host}, port {source.port}; expected "
+                f"{source.text}: no server answers at {source.host}, port {source.port}; expected "
                 f"serve_component(…, {source.name!r}) to run there"
             ) from None
         return _sessions[key]

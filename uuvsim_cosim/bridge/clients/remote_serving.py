@@ -39,12 +39,30 @@ def serve_component(
     host: str = "127.0.0.1",
     anyone: bool = False,
 ) -> ComponentServer:
-    """Let masters use a Python class of this process as ``remote:NAME``.
+    """Serve a Python class of this process to masters in other processes, as ``remote:NAME``.
 
-    `component` has `inputs`, `outputs` and ``step(t, dt, u)``, or names such a class,
-    ``FILE.py:Class``. Each master gets its own object. Port 0 is any free one. Masters need the
-    token of this user, which they find on this machine; with `anyone`, every process that reaches
-    the port may use the class.
+    `component` is a class with `inputs`, `outputs` and ``step(t, dt, u)``, or the text
+    ``FILE.py:Class``. `name` is by default the name of the class. Each master gets an object of its
+    own. The server listens at `host` and `port`; port 0 is any free one. Masters need the token of
+    this user, which they find on this machine; with `anyone`, every process that reaches the port
+    may use the class. The result has `source`, the component's source for a system, `wait`, which
+    returns after Ctrl-C, and `close`. Raises InputInvalid for a class that is not a component, for
+    an invalid name, and if it cannot listen there.
+
+    Example:
+
+    >>> import uuvsim_cosim as uuv
+    >>> from uuvsim_cosim.bridge import serve_component
+    >>> class Tether:  # a force against the surge speed
+    ...     inputs = {"speed": "m/s"}
+    ...     outputs = {"force": "N"}
+    ...     def step(self, t, dt, u):
+    ...         return {"force": -20.0 * u["speed"]}
+    >>> boat = uuv.System("boat", tick="0.1").add("hull", "model:bluerov2_heavy")
+    >>> with serve_component(Tether, "tether", port=0) as server:
+    ...     towed = boat.add("tether", server.source).connect("hull.nu[1]", "tether.speed")
+    ...     uuv.run(towed.connect("tether.force", "hull.tau[1]"), until=1).steps
+    10
     """
     cls = load(component) if isinstance(component, str) else component
     return ComponentServer(cls, name or cls.__name__, port, host, anyone=anyone)
@@ -71,7 +89,7 @@ class ComponentServer(Owner):
         token = None if authenticator is None else authenticator.access.token
         guard: AbstractContextManager[dict[str, object]]
         guard = nullcontext({}) if token is None else guarded_component(token)
-        with self.opening() as opened:
+        with self._opening() as opened:
             with guard as settings:
                 session = opened.enter_context(listening(self.port, [host], settings))
             opened.enter_context(TokenFile(self._admit, self.port))
@@ -124,7 +142,9 @@ class ComponentServer(Owner):
             return {"instance": made}, b""
         number = message.get("instance")
         if not isinstance(number, str) or number not in self._instances:
-            raise InputInvalid(f"{self.name}: no instance {number!r}; it was served anew meanwhile")
+            raise InputInvalid(
+                f"{self.name}: no instance {number!r}; the component was served again meanwhile"
+            )
         component = self._instances[number]
         if call == "get_state":
             return {}, component.serialize_fmu_state(component.get_fmu_state())

@@ -10,6 +10,7 @@ and a policy's outputs follow: a = k_u (u_d - u), omega = r_d. Without input it 
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from math import cos, hypot, pi, sin
 from pathlib import Path
@@ -264,15 +265,16 @@ def piloted(system: System, name: str) -> tuple[str, str]:
     return found[0], wanted
 
 
-def with_keyboards(system: str, swaps: dict[str, str]) -> None:
-    """Replace ``NAME: keyboard`` among swaps by the component and the source that it means."""
+def with_keyboards(system: Callable[[], System], swaps: dict[str, str]) -> None:
+    """Replace ``NAME: keyboard`` among swaps by the component and the source that it means.
+
+    `system` loads the system, if there is such a swap.
+    """
     named = [name for name, source_ in swaps.items() if source_ == "keyboard"]
     if not named:
         return
-    from uuvsim_cosim.orchestrator.running.library import load
-
     register("keyboard", source)
-    loaded = load(system)
+    loaded = system()
     for name in named:
         path, wanted = piloted(loaded, name)
         del swaps[name]

@@ -39,7 +39,7 @@ class ManualAxes:
         self._axes = dict.fromkeys(AXES, 0.0)
 
     def update(self, page: str, axes: Mapping[str, object]) -> str | None:
-        """Set the axes from a page, limited to [-1, 1]; return a message if another page pilots.
+        """Set the axes from a page, limited to [-1, 1]; return a message if another page controls.
 
         Raises InputInvalid for other names or values.
         """
@@ -56,7 +56,8 @@ class ManualAxes:
             now = self._clock()
             if self._page not in (None, page) and now - self._updated < HELD:
                 return (
-                    f"another page pilots {self.path}; expected that it lets go, or is silent for "
+                    f"another page controls {self.path}; expected that page to release control, "
+                    "or to be silent for "
                     f"{HELD:g} s"
                 )
             self._page, self._updated, self._axes = page, now, fitted
@@ -113,9 +114,10 @@ def steer(service: Service, client: Client, request: Mapping[str, object]) -> di
     component = request.get("component") or next(iter(found), None)
     if not isinstance(component, str) or component not in found:
         raise InputInvalid(
-            f"pilot: component {component!r} takes no pilot; expected one of {', '.join(found)}"
+            f"pilot: component {component!r} has no manual control; expected one of "
+            f"{', '.join(found)}"
             if found
-            else "pilot: nothing here takes a pilot; expected `uuvsim serve SYSTEM --replace "
+            else "pilot: no component has manual control; expected `uuvsim serve SYSTEM --replace "
             "pilot=keyboard`"
         )
     manual_axes = found[component]

@@ -75,7 +75,7 @@ class Endpoint:
     @property
     def full(self) -> str:
         """The message to a client if all places are in use."""
-        return f"{self.limits.clients} clients are connected, which is all that may be; close one"
+        return f"{self.limits.clients} clients are connected, the maximum; close one"
 
 
 class _Refused(Exception):
@@ -156,10 +156,12 @@ class Handler(BaseHTTPRequestHandler):
             host = self.headers.get("Host", "")
             name = host.rsplit(":", 1)[0] if not host.endswith("]") else host
             if self.endpoint.local and name not in ("localhost", "127.0.0.1", "[::1]"):
-                raise _Refused(403, f"host {host!r} was asked for; expected localhost or 127.0.0.1")
+                raise _Refused(403, f"host {host!r} was requested; expected localhost or 127.0.0.1")
             origin = self.headers.get("Origin")
             if origin is not None and urlsplit(origin).netloc != host:
-                raise _Refused(403, f"a page of {origin} asks; expected one of http://{host}")
+                raise _Refused(
+                    403, f"the request is from a page of {origin}; expected a page of http://{host}"
+                )
             if (found := answer()) is not None:
                 self._send(200, *found)
         except _Refused as refused:
@@ -272,7 +274,7 @@ class Handler(BaseHTTPRequestHandler):
     def _needs(self, call: str, needed: str | None, allowed: frozenset[str]) -> None:
         if needed is not None and needed not in allowed:
             may = ", ".join(sorted(allowed)) or "nothing"
-            raise _Refused(403, f"{call}: this needs {needed!r}; your role may {may}")
+            raise _Refused(403, f"{call}: this call needs {needed!r}; your role may {may}")
 
     def _read(self, path: str, query: dict[str, list[str]]) -> _Content | None:
         """Return the answer of a GET; None if it was a stream, which has ended."""
@@ -308,7 +310,7 @@ class Handler(BaseHTTPRequestHandler):
         if body and media_type != "application/json":
             raise _Refused(415, f"Content-Type is {media_type!r}; expected application/json")
         if not body and self.headers.get("Origin") is None and "Sec-Fetch-Site" in self.headers:
-            raise _Refused(403, "a browser's form asks; expected a script of this page")
+            raise _Refused(403, "the request is from a form; expected a script of this page")
         read = read_object(body.strip(), "body")
         calls = self._client(path)
         self._reader = calls.client
@@ -338,7 +340,7 @@ class Handler(BaseHTTPRequestHandler):
             raise InputInvalid(f"rate: expected a number above 0, at most {RATE_MAX:g} (Hz)")
         found = calls.answer("get", {"names": names})
         if not self.endpoint.streams.acquire(blocking=False):
-            raise _Refused(503, f"{STREAMS} live streams are open, which is all that may be")
+            raise _Refused(503, f"{STREAMS} live streams are open, the maximum")
         self.close_connection = True
         try:
             self._send_head(200, {"Content-Type": "text/event-stream"})
@@ -414,6 +416,6 @@ def _error(message: str) -> bytes:
 
 def _no_path(path: str, method: str) -> str:
     if path in GET or path in POST:
-        return f"/{path} is asked for by {'GET' if path in GET else 'POST'}, not {method}"
+        return f"/{path} needs {'GET' if path in GET else 'POST'}, not {method}"
     known = ", ".join(f"/{name}" for name in (*GET, *POST))
     return f"/{path} does not exist{did_you_mean(path, (*GET, *POST))}; expected one of {known}"

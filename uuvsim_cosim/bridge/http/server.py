@@ -54,7 +54,7 @@ class HttpServer(Owner):
         endpoint = Endpoint(service, admit, limits or Limits(), local=local)
         self._tls = tls
         self._endpoint = endpoint
-        with self.opening() as opened:
+        with self._opening() as opened:
             self._servers = [_Server(one, endpoint, tls) for one in listening(hosts, port, "HTTP")]
             for server in self._servers:
                 opened.callback(server.server_close)

@@ -51,7 +51,7 @@ class Sessions:
         lockstep, lag = wanted.get("lockstep", False), wanted.get("lag", 5.0)
         with self._lock:
             if len(self._open) >= SESSIONS:
-                raise InputInvalid(f"join: {SESSIONS} sessions are open, which is all that may be")
+                raise InputInvalid(f"join: {SESSIONS} sessions are open, the maximum")
         joining = Client(name, "http", asking.allowed, self._most)
         client = self._service.join(joining, lockstep=lockstep, lag=lag)
         token = secrets.token_urlsafe(16)
@@ -69,8 +69,8 @@ class Sessions:
                 session.last_request = self._clock()
         if session is None or session.calls.client.allowed != allowed:
             raise InputInvalid(
-                f"session {token[:40]!r} is not known here, or has ended",
-                "what POST /join gave, from the same user",
+                f"session {token[:40]!r} is unknown or has ended",
+                "the session that POST /join returned to the same user",
             )
         return session.calls
 

@@ -118,7 +118,7 @@ class Conductor(Service, Closing):
                     "replace",
                     "this server loads no code for its clients (--no-code)",
                     (
-                        "the component to be replaced where it is served, by `uuvsim serve "
+                        "to replace the component when the server starts, by `uuvsim serve "
                         "--replace`"
                     ),
                 )

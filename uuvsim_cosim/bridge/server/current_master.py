@@ -117,7 +117,7 @@ class CurrentMaster:
         if self.failed is not None:
             raise InputInvalid(
                 call,
-                f"the co-simulation is paused, for {self.failed}",
+                f"the co-simulation is paused, because {self.failed}",
                 "reset, restore or replace first",
             )
         if self.running is not None:
@@ -154,7 +154,7 @@ class CurrentMaster:
                 raise InputInvalid(
                     "run",
                     f"until {until:g} s",
-                    f"a time after {self.master.time:g} s, where the co-simulation is",
+                    f"a time after {self.master.time:g} s, the current time",
                 )
         elif record:
             raise InputInvalid("run", "record without until", "a time, or subscribe")
@@ -243,7 +243,9 @@ class CurrentMaster:
     def reset(self, seed: int | None, start: Mapping[str, object]) -> None:
         """Go back to the start."""
         if self._replay is not None and seed is not None:
-            raise InputInvalid("reset", f"seed {seed}", "none, for this replays a recording")
+            raise InputInvalid(
+                "reset", f"seed {seed}", "no seed, because the server replays a recording"
+            )
         starts = self.names.starts(start)  # before anything changes, as it may raise
         self.pause()
         self.rows.fresh()
@@ -273,10 +275,12 @@ class CurrentMaster:
         """Replace the source of a component and begin again; if that fails, the old one stays."""
         if self._replay is not None:
             raise InputInvalid(
-                f"replace {component}", "this replays a recording", "a running system"
+                f"replace {component}", "the server replays a recording", "a running system"
             )
         if self._system is None:
-            raise InputInvalid("replace", "this was begun without a system", "one from a system")
+            raise InputInvalid(
+                "replace", "the server was started without a system", "one from a system"
+            )
         system = self._system.replace(component, _absolute(source), map=mapping)
         plan = flatten(system, self._seed)
         instantiate = prepare(plan, self._backend)

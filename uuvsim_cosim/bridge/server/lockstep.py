@@ -151,7 +151,7 @@ class Lockstep:
     # ---- clients --------------------------------------------------------------------------
 
     def join(self, client: Client, lockstep: bool, lag: float) -> Client:
-        """Add a client, under a name that is free."""
+        """Add a client, under an unused name."""
         if lockstep and not (isfinite(lag) and lag > 0.0):
             raise InputInvalid("join", f"lag {lag:g} s", "more than 0")
         if lockstep and "step" not in client.allowed:
@@ -180,8 +180,11 @@ class Lockstep:
     def lost(self, client: Client) -> None:
         """Remove a client that has disconnected; with the fail-safe `pause`, the others stop."""
         if client.name in self.barrier.holders and self._fail_safe == "pause":
-            self.end(f"lockstep: client {client.name!r} is gone, and the co-simulation pauses")
-        self.leave(client, "is gone")
+            self.end(
+                f"lockstep: client {client.name!r} has disconnected, and the co-simulation is "
+                "paused"
+            )
+        self.leave(client, "has disconnected")
 
     def dismiss(self, name: str, by: Client) -> None:
         """Remove a client from the barrier; its next step raises an error."""
@@ -190,7 +193,7 @@ class Lockstep:
             raise InputInvalid(
                 "dismiss", f"no client {name!r} holds time in lockstep", expected_names(name, known)
             )
-        self._drop(name, f"was dismissed from lockstep by {by.name!r}")
+        self._drop(name, f"was removed from lockstep by {by.name!r}")
         self.make()
 
     # ---- stepping together ----------------------------------------------------------------
@@ -273,8 +276,8 @@ class Lockstep:
             names = ", ".join(repr(h.client.name) for h in late)
             lag = max(h.lag for h in late)
             self.end(
-                f"lockstep: {names} did not ask for a step within {lag:g} s, and the "
-                "co-simulation pauses; expected its step, or that it leaves"
+                f"lockstep: {names} did not request a step within {lag:g} s, and the "
+                "co-simulation is paused; expected its step, or that it leaves"
             )
             return
         for holder in late:
@@ -283,7 +286,8 @@ class Lockstep:
                 continue
             self._drop(
                 holder.client.name,
-                f"was dropped from lockstep, for it did not ask for a step within {holder.lag:g} s",
+                "was removed from lockstep, because it did not request a step within "
+                f"{holder.lag:g} s",
             )
         self.make()
 

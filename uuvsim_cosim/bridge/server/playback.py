@@ -50,7 +50,7 @@ class Playback:
             path = Path(recording).expanduser()
             signals, where = read_signals(path), str(path)
         if not len(signals) or not len(signals.ticks):
-            raise RecordingError(where, "holds no values", "a recording of a run")
+            raise RecordingError(where, "contains no values", "a recording of a run")
         if np.any(np.diff(signals.ticks) <= 0):
             raise RecordingError(where, "its ticks do not grow", "those of one run")
         self.signals = signals
@@ -162,7 +162,7 @@ class Playback:
         """Raise InputInvalid: a recorded value cannot be set."""
         raise InputInvalid(
             f"{path}.{name}",
-            "cannot be set, for this replays a recording",
+            "cannot be set, because the server replays a recording",
             "a running system, such as by `uuvsim serve SYSTEM`",
         )
 

@@ -47,8 +47,8 @@ class Snapshots:
             oldest = next((name for name, kept in self._kept.items() if kept.owner is None), None)
             if oldest is None:
                 raise InputInvalid(
-                    f"snapshot: all clients together keep {ALL} snapshots, the most that fit; "
-                    "discard one first"
+                    f"snapshot: all clients together keep {ALL} snapshots, the maximum; discard "
+                    "one first"
                 )
             del self._kept[oldest]
             self._gone = max(self._gone, int(oldest[1:]))
@@ -91,7 +91,7 @@ class Snapshots:
         if not 0 < number <= self._count:
             return ""
         if number <= self._replaced:
-            return ", which was of the components before a replacement"
+            return ", which was taken before a component was replaced"
         if number <= self._gone:
-            return f", which was discarded, or made room for one of {ALL} after its client left"
+            return f", which was discarded, or deleted to keep at most {ALL} after its client left"
         return ", which was discarded"

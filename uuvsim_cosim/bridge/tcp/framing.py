@@ -89,7 +89,7 @@ class Reader:
                     "frame",
                     f"a {what} of {read} bytes was announced",
                     f"at most {most} (a frame begins with two little-endian uint32, see "
-                    "docs/connections/connect_matlab.md)",
+                    "docs/connections/protocol.md)",
                 )
         if payload % 8:
             raise InputInvalid(
@@ -118,7 +118,7 @@ class Reader:
             data = self._receive(_CHUNK, begun)
         except TimeoutError:
             raise InputInvalid(
-                "connection", "nothing came within the time that a frame has", "a whole frame"
+                "connection", "nothing came within the time limit of a frame", "a whole frame"
             ) from None
         except OSError as error:
             raise Disconnected(str(error)) from None

@@ -69,7 +69,7 @@ class Calls:
                     raise
             if connection is not None and _hung_up(connection):
                 self.service.abandon(answer)
-                raise Disconnected(f"{call}: who asked is gone")
+                raise Disconnected(f"{call}: the client has disconnected")
 
     @property
     def tick(self) -> Fraction:

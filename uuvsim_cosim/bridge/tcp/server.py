@@ -48,7 +48,7 @@ class TcpServer(Owner):
         self._slots = ConnectionSlots(self._limits)
         self._serving: set[threading.Thread] = set()
         self._closed = False
-        with self.opening() as opened:
+        with self._opening() as opened:
             self._listeners = listening(hosts, port, "TCP")
             opened.callback(self._end)
             self.port: int = self._listeners[0].getsockname()[1]

@@ -147,7 +147,7 @@ class Session:
             raise InputInvalid(
                 f"protocol {header.get('protocol')!r} was read; this is uuvsim-cosim "
                 f"{__version__}, protocol {PROTOCOL}: use the client that `uuvsim matlab` of this "
-                "version names"
+                "version prints"
             )
         user, password, token = (header.get(k) or None for k in ("user", "password", "token"))
         for what, read in (("user", user), ("password", password), ("token", token)):
@@ -205,9 +205,7 @@ class Session:
 
 def full(limits: Limits) -> InputInvalid:
     """Return the error for a client beyond the limit."""
-    return InputInvalid(
-        f"{limits.clients} clients are connected, which is all that may be; close one"
-    )
+    return InputInvalid(f"{limits.clients} clients are connected, the maximum; close one")
 
 
 def _request(calls: Calls, header: Mapping[str, object], payload: bytes) -> dict[str, object]:

@@ -65,12 +65,31 @@ _JSON, _BLOCK = "application/json", "application/octet-stream;uuvsim-state"
 class Bridge(Owner):
     """Server of a running co-simulation over Zenoh, by default on this machine only.
 
-    Given a system, it runs a `Conductor` of its own and ends it on closing; a given `Conductor`
-    continues. Port 0 is any free one, which the attribute `port` then holds. Clients need the token
-    of this user, which `connect` finds on this machine. With `access`, clients authenticate
-    themselves. With `anyone`, every client that reaches the port may do everything, which includes
-    running code as this user. By default, large blocks reach clients on this machine by shared
-    memory.
+    `system` is a system, the name of one that ships, the file of a system or of a recording, a
+    plan, or a master that is not initialized. The co-simulation waits at time 0 until a client
+    steps or runs it. It ends when the bridge is closed, by `close` or at the end of a `with`. A
+    `Conductor` can be served, too; it continues after that.
+
+    The server listens at `host`, one address or several, and `port`. Port 0 is any free one, which
+    the attribute `port` then holds. Clients need the token of this user, which `connect` finds on
+    this machine. With `access`, clients authenticate themselves. With `anyone`, every client that
+    reaches the port may do everything, which includes running code as this user. With
+    `shared_memory`, large blocks reach clients on this machine by shared memory. `conducting` are
+    options of the co-simulation: `seed`, `backend` ("native" or "fmu"), `record` (a folder for
+    recordings), `fail_safe` ("drop", "pause" or "go-on": the reaction to a client in lockstep that
+    is late or gone), and `loads_code` (False: no client may replace a component).
+
+    Raises InputInvalid if it cannot listen there, and SystemInvalid for an invalid system.
+
+    Example:
+
+    >>> import uuvsim_cosim as uuv
+    >>> boat = uuv.System("boat", tick="0.1").add("hull", "model:bluerov2_heavy")
+    >>> bridge = uuv.Bridge(boat, port=0)
+    >>> with uuv.connect(port=bridge.port) as client:
+    ...     client.step(10, {"hull.tau": [50, 0, 0, 0, 0, 0]}, ["hull.nu[1]"])  # N; m/s after 1 s
+    {'hull.nu[1]': 0.548...}
+    >>> bridge.close()
     """
 
     def __init__(
@@ -96,7 +115,7 @@ class Bridge(Owner):
         self._waiting: dict[str, Answer] = {}  # the last run or step call of each client
         # The callbacks run in the opposite order, also if one of them raises: stream, token file,
         # session, co-simulation, lanes.
-        with self.opening() as ending:
+        with self._opening() as ending:
             ending.callback(self._joined.close)
             owned = ending.enter_context(contextlib.ExitStack())
             with guarded(rules, self._joined.reader) as settings:
@@ -181,7 +200,7 @@ class Bridge(Owner):
             if wrong is not None:
                 raise wrong
             if not accepted:
-                raise InputInvalid(call, "too many calls wait for their answer", "fewer")
+                raise InputInvalid(call, "too many calls are pending", "fewer")
             if call == "join":
                 lane.put(lambda: self._join(query, message, certificate))
                 return
@@ -258,8 +277,8 @@ class Bridge(Owner):
             theirs, version = message.get("protocol", PROTOCOL), message.get("version", "unknown")
             if theirs != PROTOCOL:
                 raise InputInvalid(
-                    f"the client (uuvsim-cosim {version}) speaks protocol {theirs}",
-                    f"protocol {PROTOCOL}, as uuvsim-cosim {__version__} has, which serves here",
+                    f"the client (uuvsim-cosim {version}) uses protocol {theirs}",
+                    f"protocol {PROTOCOL}, that of this server (uuvsim-cosim {__version__})",
                 )
             fields = {k: v for k, v in message.items() if k not in (*_EACH, *_JOIN)}
             wishes = checked("join", fields)

@@ -90,7 +90,7 @@ def message_of(error: BaseException) -> dict[str, object]:
 
 def error_of(message: Mapping[str, Any]) -> UuvsimError:
     """Return the error of a message, of its original class if it can be made from a text."""
-    text = str(message.get("message", "the answer holds no reason"))
+    text = str(message.get("message", "the answer contains no reason"))
     if message.get("error") == "ComponentFailed" and "path" in message:
         return ComponentFailed(str(message["path"]), float(message["time"]), str(message["reason"]))
     cls = getattr(errors, str(message.get("error")), None)

@@ -121,7 +121,7 @@ class JoinedClients:
             return Client("zenoh", "zenoh", self._admit(None, None, self._shown, shown))
         if not self._proven(joined, message):
             raise InputInvalid(
-                f"{call}: expected the `proof` that this client was given on joining"
+                f"{call}: expected the `proof` that the server returned when this client joined"
             )
         return joined.client
 
@@ -131,7 +131,7 @@ class JoinedClients:
         if not token or "/" in token or token in self._joined or len(token) > 64:
             raise InputInvalid("join", f"client {token[:64]!r}", "an id of its own")
         if len(self._joined) >= _CLIENTS:
-            raise InputInvalid(f"join: {_CLIENTS} clients have joined, which is all that may")
+            raise InputInvalid(f"join: {_CLIENTS} clients have joined, the maximum")
         user, password, shown = (_text("join", message, k) for k in ("user", "password", "token"))
         named = self._shown if certificate is None else certificate
         return self._admit(user, password, named, shown)

@@ -209,12 +209,13 @@ def connecting(
             socket.create_connection((host, port), timeout=1.0).close()
         except OSError:
             raise Disconnected(
-                f"nobody answers at {host}, port {port}; expected a co-simulation there, such as "
+                f"no server answers at {host}, port {port}; expected a co-simulation there, such "
+                "as "
                 f"by `uuvsim serve SYSTEM --port {port}`"
             ) from None
         raise NoSession(
-            f"{host}, port {port}, takes connections, but opens no Zenoh session; expected the "
-            "port that `uuvsim serve` names for Python, and a server that is not overloaded"
+            f"{host}, port {port}, accepts connections, but opens no Zenoh session; expected the "
+            "port that `uuvsim serve` prints for Python, and a server that is not overloaded"
         ) from None
 
 

@@ -18,12 +18,17 @@ __all__ = ["collect_command"]
 
 def collect_command(
     task: Annotated[
-        str, typer.Argument(autocompletion=tasks, help="transition_1, uuvsim/StationKeeping-v0, …")
+        str,
+        typer.Argument(
+            autocompletion=tasks, help="Task, such as transition_1 or uuvsim/StationKeeping-v0."
+        ),
     ],
     out: Annotated[
         Path,
         typer.Option(
-            "--out", "-o", help="NAME.npz (half precision), or a new folder of Minari's, NAME-v0."
+            "--out",
+            "-o",
+            help="File NAME.npz (half precision), or new folder NAME-v0 in Minari's format.",
         ),
     ],
     policy: Annotated[
@@ -32,52 +37,62 @@ def collect_command(
             "--policy",
             "-p",
             autocompletion=policies,
-            help="scripted, random, mixed, a folder or a file (.npz).",
+            help="Policy: scripted, random, mixed, a training's folder or an .npz file.",
         ),
     ] = None,
     recorded: Annotated[
         list[Path] | None,
-        typer.Option("--recorded", help="A run's folder, .parquet or .mcap, instead of a policy."),
+        typer.Option(
+            "--recorded",
+            help="Recording to read instead of running a policy: a run's folder, .parquet or "
+            ".mcap.",
+        ),
     ] = None,
     signal: Annotated[
         list[str] | None,
-        typer.Option("--signal", help="The task's NAME=RECORDED, where recorded by another name."),
+        typer.Option(
+            "--signal",
+            help="NAME=RECORDED: a signal of the task and its name in the recording, if they "
+            "differ.",
+        ),
     ] = None,
     episodes: Annotated[
-        int | None, typer.Option("--episodes", "-n", help="Of a policy; 100 unless given.")
+        int | None,
+        typer.Option("--episodes", "-n", help="Number of episodes of the policy; default 100."),
     ] = None,
-    seed: Annotated[
-        int | None, typer.Option("--seed", help="The first of the episodes' seeds.")
-    ] = None,
-    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace an .npz.")] = False,
+    seed: Annotated[int | None, typer.Option("--seed", help="Seed of the first episode.")] = None,
+    overwrite: Annotated[
+        bool, typer.Option("--overwrite", help="Replace an existing .npz file.")
+    ] = False,
     ray: Annotated[str | None, typer.Option("--ray", help=RAY)] = None,
     task_set: Annotated[
-        list[str] | None, typer.Option("--task-set", help="The task's NAME=VALUE: n_trackers=3.")
+        list[str] | None,
+        typer.Option("--task-set", help="Option of the task: NAME=VALUE, such as n_trackers=3."),
     ] = None,
 ) -> None:
     """Collect episodes for `uuvsim train-offline`."""
     if recorded and policy is not None:
         raise InputInvalid(f"--policy {policy} and --recorded: expected one of them")
     if signal and not recorded:
-        raise InputInvalid("--signal: names signals of --recorded runs", "them")
+        raise InputInvalid("--signal: applies to --recorded runs", "--recorded as well")
     if ray is not None and recorded:
-        raise InputInvalid(f"--ray {ray}: spreads what a policy does", "no --recorded")
+        raise InputInvalid(f"--ray {ray}: distributes episodes of a policy", "no --recorded")
     drawn = {"--episodes": episodes, "--seed": seed}
     given = " and ".join(f"{k} {v}" for k, v in drawn.items() if v is not None)
     if recorded and given:
-        raise InputInvalid(given, "of what a policy does", "no --recorded")
+        raise InputInvalid(given, "applies to episodes of a policy", "no --recorded")
     if seed is not None and seed < 0:
         raise InputInvalid(f"--seed {seed}: expected 0 or more")
-    options = nested("--task-set", task_set or [], "NAME=VALUE, as n_trackers=3")
+    options = nested("--task-set", task_set or [], "NAME=VALUE, such as n_trackers=3")
     with StudyProgress() as progress:
-        progress.say("building, once")
+        progress.say("building (once)")
         from uuvsim_cosim.learn.data.dataset_files import refuse_taken, write_dataset
 
         refuse_taken(out, overwrite)
         if recorded:
             from uuvsim_cosim.learn.data.recorded import from_recordings
 
-            expected = "NAME=RECORDED, as tracker_1.pilot.a=joystick.a"
+            expected = "NAME=RECORDED, such as tracker_1.pilot.a=joystick.a"
             renamed = assignments("--signal", signal or [], expected, dotted=False)
             data = from_recordings(task, recorded, options=options, renamed=renamed)
         else:

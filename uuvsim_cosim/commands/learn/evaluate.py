@@ -28,36 +28,42 @@ def evaluate_command(
     policies: Annotated[
         list[str],
         typer.Argument(
-            autocompletion=policies, help="Trainings' folders, policies (.npz), scripted, random."
+            autocompletion=policies,
+            help="Policies: folders of trainings, .npz files, scripted, random.",
         ),
     ],
     task: Annotated[
         str | None,
         typer.Option(
-            "--task", autocompletion=tasks, help="Another than the policies were trained in."
+            "--task",
+            autocompletion=tasks,
+            help="Task, if not the one that the policies were trained in.",
         ),
     ] = None,
     task_set: Annotated[
-        list[str] | None, typer.Option("--task-set", help="The task's NAME=VALUE: n_trackers=3.")
+        list[str] | None,
+        typer.Option("--task-set", help="Option of the task: NAME=VALUE, such as n_trackers=3."),
     ] = None,
-    episodes: Annotated[int, typer.Option("--episodes", help="Of each policy.")] = 100,
-    seed: Annotated[int, typer.Option("--seed", help="The first of the episodes' seeds.")] = SEED,
+    episodes: Annotated[
+        int, typer.Option("--episodes", help="Number of episodes per policy.")
+    ] = 100,
+    seed: Annotated[int, typer.Option("--seed", help="Seed of the first episode.")] = SEED,
     last: Annotated[
-        bool, typer.Option("--last", help="Of a training: the last policy, not the best.")
+        bool, typer.Option("--last", help="Use the last policy of a training instead of the best.")
     ] = False,
     ray: Annotated[str | None, typer.Option("--ray", help=RAY)] = None,
-    out: Annotated[Path | None, typer.Option("--out", "-o", help="Write a table as CSV.")] = None,
+    out: Annotated[Path | None, typer.Option("--out", "-o", help="Table to write, as CSV.")] = None,
 ) -> None:
-    """Evaluate policies on seeds never trained on: means with 95 % bootstrap intervals."""
+    """Evaluate policies on seeds not used in training: means with 95 % bootstrap intervals."""
     if not 1 <= episodes <= 100_000:
         raise InputInvalid(f"--episodes {episodes}: expected 1 … 100000")
     if seed < 0:
         raise InputInvalid(f"--seed {seed}: expected 0 or more")
     if out is not None:
         _refuse_other(out)
-    options = nested("--task-set", task_set or [], "NAME=VALUE, as n_trackers=3")
+    options = nested("--task-set", task_set or [], "NAME=VALUE, such as n_trackers=3")
     with StudyProgress("parts") as progress:
-        progress.say("building, once")
+        progress.say("building (once)")
         found = acting_of(list(dict.fromkeys(policies)), task, options, last=last)
         from uuvsim_cosim.learn.training.judging import evaluate_all, judge_scripted, judged
 
@@ -106,7 +112,7 @@ def _refuse_other(path: Path) -> None:
     if path.suffix.lower() != ".csv":
         raise InputInvalid(f"--out {path}: expected a table's name, FILE.csv")
     if path.is_dir() or not path.parent.is_dir():
-        raise InputInvalid(f"--out {path}: expected a file in a folder that is there")
+        raise InputInvalid(f"--out {path}: expected a file in an existing folder")
     try:
         with path.open(encoding="utf-8", errors="replace") as file:
             first = file.readline().strip()
@@ -116,5 +122,5 @@ def _refuse_other(path: Path) -> None:
         raise InputInvalid(f"--out {path}: cannot be read ({error.strerror})") from None
     if first not in ("", ",".join(HEAD)):
         raise InputInvalid(
-            f"--out {path}: is there, and no table of `uuvsim evaluate`", "another name"
+            f"--out {path}: exists and is no table of `uuvsim evaluate`", "another name"
         )

@@ -22,13 +22,16 @@ def export_policy_command(
     ],
     fmi: Annotated[int, typer.Option(help="FMI version of an .fmu: 2 or 3.")] = 3,
     platform: Annotated[
-        str, typer.Option(help="Of an .fmu, comma-separated: host, linux64, win64, darwin64, …")
+        str,
+        typer.Option(
+            help="Platforms of an .fmu, comma-separated: host, linux64, win64, darwin64, …"
+        ),
     ] = "host,linux64,win64",
     plain: Annotated[
-        bool, typer.Option("--plain", help="An observation and an action, not a pilot.")
+        bool, typer.Option("--plain", help="Export observation and action only, not a pilot.")
     ] = False,
 ) -> None:
-    """Export a trained policy; the ending of the file's name says as what.
+    """Export a trained policy; the ending of the file name selects the format.
 
     A policy of target tracking becomes a pilot: `uuvsim run target_tracking --replace
     tracker_1.pilot=policy.fmu`. C sources are inside an .fmu.

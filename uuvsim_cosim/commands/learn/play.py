@@ -116,7 +116,7 @@ def play_command(
     task: Annotated[
         str | None,
         typer.Argument(
-            autocompletion=tasks, help="By default the task that the policy was trained in."
+            autocompletion=tasks, help="Task; by default the one that the policy was trained in."
         ),
     ] = None,
     policy: Annotated[
@@ -125,28 +125,37 @@ def play_command(
             "--policy",
             "-p",
             autocompletion=policies,
-            help="scripted, random, a folder or a file (.npz).",
+            help="Policy: scripted, random, a training's folder or an .npz file.",
         ),
     ] = "scripted",
     task_set: Annotated[
-        list[str] | None, typer.Option("--task-set", help="The task's NAME=VALUE: n_trackers=3.")
+        list[str] | None,
+        typer.Option("--task-set", help="Option of the task: NAME=VALUE, such as n_trackers=3."),
     ] = None,
     other_task: Annotated[
-        bool, typer.Option("--other-task", help="Play a policy in a task that it does not know.")
+        bool, typer.Option("--other-task", help="Allow a task that the policy was not trained in.")
     ] = False,
-    seed: Annotated[int, typer.Option("--seed", help="Of the episode.")] = SEED,
+    seed: Annotated[int, typer.Option("--seed", help="Seed of the episode.")] = SEED,
     out: Annotated[
         Path | None,
-        typer.Option("--out", "-o", help=".html, .png (animated), else a folder of pictures."),
+        typer.Option(
+            "--out",
+            "-o",
+            help="File to write: .html or .png (animated); any other name is a folder of pictures.",
+        ),
     ] = None,
-    window: Annotated[bool, typer.Option("--window", help="Show it in a window instead.")] = False,
-    open_: Annotated[bool, typer.Option("--open", help="Open what was written.")] = False,
-    view: Annotated[
-        bool, typer.Option("--view", help="Replay it in a browser, in 3-D; Ctrl-C ends it.")
+    window: Annotated[
+        bool, typer.Option("--window", help="Show the episode in a window instead.")
     ] = False,
-    port: Annotated[int | None, typer.Option(help="Of --view; by default 8080 or near.")] = None,
+    open_: Annotated[bool, typer.Option("--open", help="Open the written file.")] = False,
+    view: Annotated[
+        bool, typer.Option("--view", help="Replay the episode in 3-D in a browser; Ctrl-C ends it.")
+    ] = False,
+    port: Annotated[
+        int | None, typer.Option(help="Port of --view; by default the first free one from 8080 on.")
+    ] = None,
 ) -> None:
-    """Play one episode: what the policy does, drawn, and the metrics of it."""
+    """Play one episode of a policy, draw it, and print its metrics."""
     if seed < 0:
         raise InputInvalid(f"--seed {seed}: expected 0 or more")
     if window and out is not None:
@@ -156,15 +165,15 @@ def play_command(
     if out is not None:
         expect_folder(out, ".html", ".png")
     if port is not None and not view:
-        raise InputInvalid(f"--port {port}: is where --view shows it", "--view")
+        raise InputInvalid(f"--port {port}: applies to --view", "--view")
     server = recorded = None
     if view:
         from uuvsim_cosim.view.scene3d.viser_server import open_server
 
         server = open_server(port)  # before anything is computed
-    options = nested("--task-set", task_set or [], "NAME=VALUE, as n_trackers=3")
+    options = nested("--task-set", task_set or [], "NAME=VALUE, such as n_trackers=3")
     with StudyProgress() as progress:
-        progress.say("building, once")
+        progress.say("building (once)")
         from uuvsim_cosim.envs.tasks.evaluation import evaluate
         from uuvsim_cosim.learn.policies.playing import frames_of
         from uuvsim_cosim.learn.shared.task_ids import short_name

@@ -59,8 +59,8 @@ def acting_of(
     for g, p in firsts.items():
         if own_task and p.task != task:
             raise InputInvalid(
-                f"--policy {g}: was trained in {p.task}, and not in {task}",
-                f"a policy of {task}, or --other-task, which plays it all the same",
+                f"--policy {g}: was trained in {p.task}, not in {task}",
+                f"a policy of {task}, or --other-task, which allows another task",
             )
     first = next((p for p in firsts.values() if p.task == task), None)
     trained = {} if first is None else first.options
@@ -78,7 +78,7 @@ def acting_of(
             except InputInvalid as error:
                 raise InputInvalid(f"{g}: {error}") from None
     notes = tuple(
-        f"{g} learned with {_shown(p.options, name)}, and acts here with {_shown(every, name)}"
+        f"{g} was trained with {_shown(p.options, name)} and acts here with {_shown(every, name)}"
         for g, p in firsts.items()
         for name in sorted({*p.options, *every})
         if p.task == task and name not in options and p.options.get(name) != every.get(name)
@@ -87,4 +87,4 @@ def acting_of(
 
 
 def _shown(options: Mapping[str, object], name: str) -> str:
-    return f"{name} {options[name]!r}" if name in options else f"{name} as by default"
+    return f"{name} {options[name]!r}" if name in options else f"the default of {name}"

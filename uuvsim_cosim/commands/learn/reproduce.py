@@ -29,7 +29,7 @@ def reproduce_command(
         str,
         typer.Argument(
             autocompletion=of("fig7", "fig8", "fig9", "fig11", "all"),
-            help="fig7, fig8, fig9, fig11 or all.",
+            help="Figure of the paper: fig7, fig8, fig9, fig11 or all.",
         ),
     ],
     budget: Annotated[
@@ -37,26 +37,31 @@ def reproduce_command(
         typer.Option(
             "--budget",
             autocompletion=of("batched", "paper"),
-            help="batched: 64 environments; paper: 200 episodes of one.",
+            help="Length of a training; batched: 64 environments; paper: 200 episodes of one "
+            "environment.",
         ),
     ] = "batched",
-    seeds: Annotated[int, typer.Option("--seeds", help="How many; a verdict needs five.")] = 5,
+    seeds: Annotated[
+        int, typer.Option("--seeds", help="Number of seeds; a verdict needs five.")
+    ] = 5,
     out: Annotated[
-        Path, typer.Option("--out", "-o", help="Where results are kept, and added to.")
+        Path, typer.Option("--out", "-o", help="Folder of the results; new ones are added.")
     ] = RESULTS,
-    work: Annotated[Path, typer.Option("--work", help="Checkpoints, to go on from.")] = Path("runs")
-    / "reproduce",
+    work: Annotated[
+        Path, typer.Option("--work", help="Folder of the checkpoints of interrupted trainings.")
+    ] = Path("runs") / "reproduce",
     ray: Annotated[str | None, typer.Option("--ray", help=RAY)] = None,
     no_run: Annotated[
-        bool, typer.Option("--no-run", help="Train nothing: draw and judge what is there.")
+        bool, typer.Option("--no-run", help="Train nothing; use the stored results only.")
     ] = False,
     pack: Annotated[
-        bool, typer.Option("--pack", help="Gather what is kept in one file, results.parquet.")
+        bool,
+        typer.Option("--pack", help="Collect the stored results in one file, results.parquet."),
     ] = False,
 ) -> None:
-    """Run what is missing, seed by seed; then tables, figures, and what holds of each claim.
+    """Run the missing trainings of figures of the paper; write tables, figures and verdicts.
 
-    What was interrupted goes on with the same command.
+    An interrupted command continues when it is repeated.
     """
     from uuvsim_cosim.learn.paper.ways import BUDGETS, chains_of
     from uuvsim_cosim.learn.shared.errors import check_torch
@@ -114,7 +119,7 @@ def _run(figure: str, budget: Budget, seeds: int, out: Path, work: Path) -> None
                     )  # fmt: skip
         except KeyboardInterrupt:
             progress.close()
-            notice("interrupted; the same command goes on from there")
+            notice("interrupted; repeat the command to continue")
             raise typer.Exit(interruption.status) from None
 
 
@@ -132,5 +137,5 @@ def _run_on(ray: str, figure: str, budget: Budget, seeds: int, out: Path, work: 
                     transfers_on(cluster, seeds, out / FOLDER, progress=progress)
         except KeyboardInterrupt:
             progress.close()
-            notice("interrupted; the same command goes on from there")
+            notice("interrupted; repeat the command to continue")
             raise typer.Exit(termination.status) from None

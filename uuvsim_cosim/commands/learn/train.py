@@ -44,7 +44,8 @@ def train_command(
     task: Annotated[
         str | None,
         typer.Argument(
-            autocompletion=tasks, help="transition_1, uuvsim/StationKeeping-v0, pkg.module:Task."
+            autocompletion=tasks,
+            help="Task, such as transition_1, uuvsim/StationKeeping-v0 or pkg.module:Task.",
         ),
     ] = None,
     algorithm: Annotated[
@@ -52,54 +53,80 @@ def train_command(
         typer.Option(
             "--algo",
             autocompletion=of("sac", "masac", "isac", "ppo", "ippo", "mappo", "dqn", "idqn"),
-            help="sac, masac, isac, ppo, ippo, mappo, dqn or idqn.",
+            help="Algorithm: sac, masac, isac, ppo, ippo, mappo, dqn or idqn.",
         ),
     ] = None,
-    seed: Annotated[int | None, typer.Option("--seed", help="Of environments and learner.")] = None,
+    seed: Annotated[
+        int | None, typer.Option("--seed", help="Seed of environments and learner.")
+    ] = None,
     seeds: Annotated[
-        str | None, typer.Option("--seeds", help="Several: how many from --seed on, or 3,7,11.")
+        str | None,
+        typer.Option(
+            "--seeds",
+            help="Train with several seeds: their number, counted from --seed, or a list such as "
+            "3,7,11.",
+        ),
     ] = None,
     config: Annotated[
-        Path | None, typer.Option("--config", help="YAML; options here come after it.")
+        Path | None,
+        typer.Option(
+            "--config", help="Training file (YAML); options of the command line override it."
+        ),
     ] = None,
     curriculum: Annotated[
-        str | None, typer.Option("--curriculum", help="stt, or a YAML file: task after task.")
+        str | None,
+        typer.Option("--curriculum", help="Curriculum (a sequence of tasks): stt, or a YAML file."),
     ] = None,
     set_: Annotated[
-        list[str] | None, typer.Option("--set", help="The algorithm's NAME=VALUE, as lr=1e-3.")
+        list[str] | None,
+        typer.Option("--set", help="Setting of the algorithm: NAME=VALUE, such as lr=1e-3."),
     ] = None,
     task_set: Annotated[
-        list[str] | None, typer.Option("--task-set", help="The task's NAME=VALUE: n_trackers=3.")
+        list[str] | None,
+        typer.Option("--task-set", help="Option of the task: NAME=VALUE, such as n_trackers=3."),
     ] = None,
     profile: Annotated[
-        str | None, typer.Option("--profile", help="table1: the UUVSim paper's to the letter.")
+        str | None,
+        typer.Option(
+            "--profile", help="Set of settings; table1: exactly those of the UUVSim paper."
+        ),
     ] = None,
-    envs: Annotated[int | None, typer.Option("--envs", help="Environments side by side.")] = None,
+    envs: Annotated[
+        int | None, typer.Option("--envs", help="Number of parallel environments.")
+    ] = None,
     steps: Annotated[
-        int | None, typer.Option("--steps", help="Environment steps, of all of them together.")
+        int | None, typer.Option("--steps", help="Number of steps, summed over all environments.")
     ] = None,
     evaluate_every: Annotated[
-        int | None, typer.Option("--evaluate-every", help="Environment steps.")
+        int | None,
+        typer.Option(
+            "--evaluate-every", help="Number of environment steps between two evaluations."
+        ),
     ] = None,
     evaluation_episodes: Annotated[
-        int | None, typer.Option("--evaluation-episodes", help="Each time, on held-out seeds.")
+        int | None,
+        typer.Option(
+            "--evaluation-episodes", help="Number of episodes per evaluation, on held-out seeds."
+        ),
     ] = None,
-    out: Annotated[Path | None, folder_option("Folder to write, or to go on with.")] = None,
+    out: Annotated[Path | None, folder_option("Folder to write, or to continue.")] = None,
     restart: Annotated[
-        bool, typer.Option("--restart", help="Begin anew where another training is.")
+        bool, typer.Option("--restart", help="Start again in a folder that holds another training.")
     ] = False,
     ray: Annotated[str | None, typer.Option("--ray", help=RAY)] = None,
     no_report: Annotated[bool, typer.Option("--no-report", help="Write no report.html.")] = False,
     open_: Annotated[bool, typer.Option("--open", help="Open the report in a browser.")] = False,
 ) -> None:
-    """Train; what is interrupted goes on with the same command, to the same bits."""
+    """Train a policy; an interrupted training continues with the same command, bit for bit."""
     given = {
         "algorithm": algorithm, "seed": seed, "profile": profile, "envs": envs, "steps": steps,
         "evaluate_every": evaluate_every, "evaluation_episodes": evaluation_episodes,
     }  # fmt: skip
     changes: dict[str, Any] = {k: v for k, v in given.items() if v is not None}
-    changes["settings"] = nested("--set", set_ or [], "NAME=VALUE, as lr=1e-3")
-    changes["task_options"] = nested("--task-set", task_set or [], "NAME=VALUE, as n_trackers=3")
+    changes["settings"] = nested("--set", set_ or [], "NAME=VALUE, such as lr=1e-3")
+    changes["task_options"] = nested(
+        "--task-set", task_set or [], "NAME=VALUE, such as n_trackers=3"
+    )
     if curriculum is not None:
         unused = {"--config": config, "--seeds": seeds, "--ray": ray}
         train_through(
@@ -112,7 +139,7 @@ def train_command(
     if task is not None:
         changes["task"] = task
     elif config is None:
-        raise InputInvalid("no task", "one, as in `uuvsim train transition_1`, or --config")
+        raise InputInvalid("no task", "a task, as in `uuvsim train transition_1`, or --config")
     asked = TrainingConfig(**changes) if config is None else read_config(config, **changes)
     if seeds is not None or ray is not None:
         from uuvsim_cosim.learn.training.train import resolved, training_folder
@@ -136,12 +163,12 @@ def train_command(
             if not no_report:
                 from uuvsim_cosim.view.reports.training_report import write_training_report
 
-                progress.say("judging the best policy, and drawing it")
+                progress.say("evaluating and drawing the best policy")
                 write_judged(done.folder)
                 report = write_training_report(done.folder)
         except KeyboardInterrupt as interrupted:
             progress.close()
-            notice(str(interrupted) or "interrupted; the same command goes on")
+            notice(str(interrupted) or "interrupted; repeat the command to continue")
             raise typer.Exit(getattr(interrupted, "status", 130)) from None
     _show(done, report)
     if open_ and report is not None:
@@ -173,7 +200,7 @@ MOST = 10_000
 def seeds_of(text: str, first: int = 0) -> list[int]:
     """Read ``5``, a number of seeds from `first`, or a list ``3,7,11``; raises InputInvalid."""
     wrong = InputInvalid(
-        f"--seeds {text}: expected a number of them, 1 … {MOST}, or distinct seeds as 3,7,11"
+        f"--seeds {text}: expected a number of seeds, 1 … {MOST}, or distinct seeds such as 3,7,11"
     )
     try:
         read = [int(part) for part in text.split(",") if part.strip()]
@@ -200,7 +227,7 @@ def train_seeds(
     done: list[Trained] = []
     with Termination() as termination, StudyProgress("steps") as bar:
         try:
-            bar.say("building, once")
+            bar.say("building (once)")
             with clustered(ray, alike=ALIKE) as cluster:
                 if cluster is not None:
                     done = train_on(cluster, configs, folders, restart=restart, progress=bar)
@@ -212,12 +239,14 @@ def train_seeds(
 
                 done.append(train(config, folder=folder, restart=restart, observers=(show,)))
             for k, each in enumerate(done if report else ()):
-                bar.say(f"judging the best policy of {k + 1} of {len(done)}, and drawing it")
+                bar.say(
+                    f"evaluating and drawing the best policy of training {k + 1} of {len(done)}"
+                )
                 write_judged(each.folder)
                 write_training_report(each.folder)
         except KeyboardInterrupt as interrupted:
             bar.close()
-            notice(str(interrupted) or "interrupted; the same command goes on from there")
+            notice(str(interrupted) or "interrupted; repeat the command to continue")
             status = max(termination.status, getattr(interrupted, "status", 130))
             raise typer.Exit(status) from None
     _show_seeds(done)
@@ -263,7 +292,7 @@ def train_through(
     options that a curriculum does not have. `task` must be the last task of the curriculum.
     """
     if refused:
-        raise InputInvalid(refused[0], "of one training", "--curriculum without it")
+        raise InputInvalid(refused[0], "applies to one training", "--curriculum without it")
     from uuvsim_cosim.learn.training.curriculum import curriculum_of
     from uuvsim_cosim.learn.training.interruption import Interruption
     from uuvsim_cosim.learn.training.train_curriculum import train_curriculum
@@ -272,7 +301,7 @@ def train_through(
     last = curriculum.stages[-1].task
     if task not in (None, "target-tracking", last):
         raise InputInvalid(
-            f"task {task!r}", f"curriculum {curriculum.name} ends with {last}", "that, or none"
+            f"task {task!r}", f"curriculum {curriculum.name} ends with {last}", "that task, or none"
         )
     given = {k: v for k, v in changes.items() if v not in (None, {})}
     seed = given.pop("seed", 0)
@@ -283,7 +312,8 @@ def train_through(
         options["profile"] = given.pop("profile")
     if "steps" in given:
         raise InputInvalid(
-            "--steps: of one training", "the steps of each stage, in a YAML file of a curriculum"
+            "--steps: applies to one training",
+            "the steps of each stage, in a YAML file of a curriculum",
         )
     curriculum = curriculum.changed(options=options, **given)
     folder = out or Path("runs") / "train" / f"{curriculum.name}-{curriculum.algorithm}-{seed}"
@@ -300,12 +330,12 @@ def train_through(
             if report:
                 from uuvsim_cosim.view.reports.training_report import write_curriculum_report
 
-                progress.say("judging the best policy of the last stage, and drawing it")
+                progress.say("evaluating and drawing the best policy of the last stage")
                 write_judged(folder)
                 written = write_curriculum_report(folder, [stage.folder for stage in done])
         except KeyboardInterrupt:
             progress.close()
-            notice("interrupted; the same command goes on from there")
+            notice("interrupted; repeat the command to continue")
             raise typer.Exit(interruption.status) from None
     _show_stages(done, folder, written)
     if show and written is not None:

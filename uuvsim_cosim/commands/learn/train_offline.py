@@ -19,34 +19,44 @@ __all__ = ["train_offline_command"]
 
 
 def train_offline_command(
-    dataset: Annotated[Path, typer.Argument(help="A folder of Minari's, or .npz.")],
+    dataset: Annotated[
+        Path, typer.Argument(help="Dataset: a folder in Minari's format, or an .npz file.")
+    ],
     algorithm: Annotated[
-        str, typer.Option("--algo", autocompletion=of("bc", "iql", "dt"), help="bc, iql or dt.")
+        str,
+        typer.Option(
+            "--algo", autocompletion=of("bc", "iql", "dt"), help="Algorithm: bc, iql or dt."
+        ),
     ] = "dt",
-    seed: Annotated[int, typer.Option("--seed", help="Of networks and draws.")] = 0,
+    seed: Annotated[int, typer.Option("--seed", help="Seed of networks and random draws.")] = 0,
     task: Annotated[
         str | None,
         typer.Option(
-            "--task", autocompletion=tasks, help="Where the dataset tells none, or of like spaces."
+            "--task",
+            autocompletion=tasks,
+            help="Task, if the dataset names none, or another task with the same spaces.",
         ),
     ] = None,
     task_set: Annotated[
-        list[str] | None, typer.Option("--task-set", help="The task's NAME=VALUE: n_trackers=3.")
+        list[str] | None,
+        typer.Option("--task-set", help="Option of the task: NAME=VALUE, such as n_trackers=3."),
     ] = None,
     set_: Annotated[
-        list[str] | None, typer.Option("--set", help="The algorithm's NAME=VALUE, as context=10.")
+        list[str] | None,
+        typer.Option("--set", help="Setting of the algorithm: NAME=VALUE, such as context=10."),
     ] = None,
     episodes: Annotated[
-        int, typer.Option("--episodes", help="To evaluate what was learned on; 0: none.")
+        int,
+        typer.Option("--episodes", help="Number of episodes of the evaluation; 0: no evaluation."),
     ] = 100,
-    out: Annotated[Path | None, folder_option("A new folder.")] = None,
+    out: Annotated[Path | None, folder_option("New folder to write.")] = None,
 ) -> None:
     """Learn from a dataset alone: behaviour cloning, implicit Q-learning, decision transformer."""
     if seed < 0 or not 0 <= episodes <= 100_000:
         raise InputInvalid(f"--seed {seed}, --episodes {episodes}: expected 0 or more, and 0 … "
                            "100000")  # fmt: skip
-    settings = nested("--set", set_ or [], "NAME=VALUE, as context=10")
-    options = nested("--task-set", task_set or [], "NAME=VALUE, as n_trackers=3")
+    settings = nested("--set", set_ or [], "NAME=VALUE, such as context=10")
+    options = nested("--task-set", task_set or [], "NAME=VALUE, such as n_trackers=3")
     with StudyProgress() as progress:
         progress.say("reading")
         from uuvsim_cosim.envs.tasks.evaluation import evaluate
@@ -73,7 +83,7 @@ def train_offline_command(
     line(f"{policy.task}, {algorithm}, seed {seed}: {learned.updates} updates, "
          f"{learned.cpu:.1f} CPU s")  # fmt: skip
     if learned.interrupted:
-        line("interrupted; what had been learned is kept")
+        line("interrupted; the policy learned so far is kept")
     rows = [(k, number(v, ".4g")) for k, v in learned.losses.items()]
     rows += [("return of the dataset", number(learned.data.returns.mean(), ".4g"))]
     table(("figure", "value"), rows + [(k, shown(v)) for k, v in figures.items()],

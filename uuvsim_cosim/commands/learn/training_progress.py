@@ -46,7 +46,7 @@ class TrainingProgress(Closing):
         """Begin to draw."""
         if self._drawn:
             self._live.start()
-            self.say("building, once")
+            self.say("building (once)")
         return self
 
     def __call__(self, progress: TrainingStep) -> None:

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from inspect import Signature, signature
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -32,85 +33,37 @@ __all__ = ["app"]
 
 app = typer.Typer(help="Build, inspect and check FMUs.", no_args_is_help=True)
 
-_PLATFORMS = "host,linux64,win64"
-
-System = Annotated[
-    str, typer.Argument(autocompletion=systems, help="Name of a system, or .ssd, .ssp.")
-]
-Fmi = Annotated[int, typer.Option(help="FMI version: 2 or 3.")]
-Platform = Annotated[str, typer.Option(help="Comma-separated: host, linux64, win64, …")]
-Out = Annotated[Path, typer.Option("--out", "-o", help="Folder or .fmu to write.")]
-Signals = Annotated[
-    list[str] | None, typer.Option(help="Outputs to show, 'hull.*'; all by default.")
-]
-Inputs = Annotated[
-    list[str] | None, typer.Option(help="Inputs to show; '' for none; others are left alone.")
-]
-Names = Annotated[
-    str,
-    typer.Option(
-        autocompletion=of("flat", "structured"), help="flat: hull_eta; structured: hull.eta."
-    ),
-]
-Replace = Annotated[
-    list[str] | None, typer.Option(autocompletion=replacements, help="component=source.")
-]
-Set = Annotated[list[str] | None, typer.Option("--set", help=f"{SET}; again for more.")]
-
-
-@app.command("system")
-def system(
-    system: System,
-    fmi: Fmi = 2,
-    platform: Platform = _PLATFORMS,
-    out: Out = Path(),
-    signals: Signals = None,
-    inputs: Inputs = None,
-    names: Names = "flat",
-    replace: Replace = None,
-    set_: Set = None,
-) -> None:
-    """Build one self-contained FMU of a system of declarations."""
-    from uuvsim_cosim.kernels.system_fmu.system_fmu import build_system_fmu
-
-    _build(build_system_fmu, system, fmi, platform, out, signals, inputs, names, replace, set_)
-
-
-@app.command("client")
-def client(
-    system: System,
-    fmi: Fmi = 2,
-    platform: Platform = _PLATFORMS,
-    out: Out = Path(),
-    signals: Signals = None,
-    inputs: Inputs = None,
-    names: Names = "flat",
-    replace: Replace = None,
-    set_: Set = None,
-    host: Annotated[str, typer.Option(help="Where it will be served, unless set.")] = "127.0.0.1",
-    port: Annotated[int | None, typer.Option(help="TCP port (7448), unless set.")] = None,
-) -> None:
-    """Build an FMU that is a running co-simulation: `uuvsim serve SYSTEM` elsewhere."""
-    from uuvsim_cosim.bridge.clients.client_fmu import build_client_fmu
-    from uuvsim_cosim.bridge.tcp.framing import TCP_PORT
-
-    _build(
-        build_client_fmu, system, fmi, platform, out, signals, inputs, names, replace, set_,
-        host=host, port=TCP_PORT if port is None else port,
-    )  # fmt: skip
-
 
 def _build(
     build: Callable[..., Path],
-    system: str,
-    fmi: int,
-    platform: str,
-    out: Path,
-    signals: list[str] | None,
-    inputs: list[str] | None,
-    names: str,
-    replace: list[str] | None,
-    set_: list[str] | None,
+    system: Annotated[
+        str,
+        typer.Argument(autocompletion=systems, help="Name of a system, or a path to .ssd or .ssp."),
+    ],
+    fmi: Annotated[int, typer.Option(help="FMI version: 2 or 3.")] = 2,
+    platform: Annotated[
+        str, typer.Option(help="Platforms, comma-separated: host, linux64, win64, …")
+    ] = "host,linux64,win64",
+    out: Annotated[Path, typer.Option("--out", "-o", help="Folder or .fmu to write.")] = Path(),
+    signals: Annotated[
+        list[str] | None, typer.Option(help="Outputs of the FMU, such as 'hull.*'; by default all.")
+    ] = None,
+    inputs: Annotated[
+        list[str] | None,
+        typer.Option(help="Inputs of the FMU; '' for none; other inputs keep their start values."),
+    ] = None,
+    names: Annotated[
+        str,
+        typer.Option(
+            autocompletion=of("flat", "structured"), help="flat: hull_eta; structured: hull.eta."
+        ),
+    ] = "flat",
+    replace: Annotated[
+        list[str] | None, typer.Option(autocompletion=replacements, help="component=source.")
+    ] = None,
+    set_: Annotated[
+        list[str] | None, typer.Option("--set", help=f"{SET}; may be repeated.")
+    ] = None,
     **more: object,
 ) -> None:
     version, platforms = fmi_version(fmi), platform_names(platform)
@@ -129,18 +82,49 @@ def _build(
     file_line(path)
 
 
+def _with_options_of_build(command: Callable[..., None]) -> Callable[..., None]:
+    """Declare the options of `_build` for a command, before its own: typer reads the signature."""
+    _, *shared, _ = signature(_build, eval_str=True).parameters.values()
+    *own, _ = signature(command, eval_str=True).parameters.values()
+    command.__signature__ = Signature([*shared, *own])  # type: ignore[attr-defined]
+    return command
+
+
+@app.command("system")
+@_with_options_of_build
+def system(**options: Any) -> None:
+    """Build one self-contained FMU of a system of declarations."""
+    from uuvsim_cosim.kernels.system_fmu.system_fmu import build_system_fmu
+
+    _build(build_system_fmu, **options)
+
+
+@app.command("client")
+@_with_options_of_build
+def client(
+    host: Annotated[str, typer.Option(help="Default address of the server.")] = "127.0.0.1",
+    port: Annotated[int | None, typer.Option(help="Default TCP port of the server; 7448.")] = None,
+    **options: Any,
+) -> None:
+    """Build an FMU that is a client of `uuvsim serve SYSTEM`, which runs the co-simulation."""
+    from uuvsim_cosim.bridge.clients.client_fmu import build_client_fmu
+    from uuvsim_cosim.bridge.tcp.framing import TCP_PORT
+
+    _build(build_client_fmu, **options, host=host, port=TCP_PORT if port is None else port)
+
+
 @app.command("build")
 def build(
     names: Annotated[
         list[str],
         typer.Argument(
             autocompletion=models,
-            help="As `uuvsim models` lists them; with options: 'dvl?scene=tacoma'.",
+            help="Models, named as in `uuvsim models`; with options: 'dvl?scene=tacoma'.",
         ),
     ],
     fmi: Annotated[int, typer.Option(help="FMI version: 2 or 3.")] = 3,
     platform: Annotated[
-        str, typer.Option(help="Comma-separated: host, linux64, win64, darwin64, …")
+        str, typer.Option(help="Platforms, comma-separated: host, linux64, win64, darwin64, …")
     ] = "host",
     out: Annotated[Path, folder_option("Folder to write into.")] = Path("fmus/dist"),
 ) -> None:
@@ -159,7 +143,7 @@ def build(
 def inspect(
     file: Annotated[Path, typer.Argument(help="An .fmu.")],
 ) -> None:
-    """Say what is inside an FMU: variables, units, capabilities, platforms."""
+    """List the variables, units, capabilities and platforms of an FMU."""
     from uuvsim_cosim.fmus.check.inspect_fmu import inspect as look
 
     found = look(file).as_dict()
@@ -174,10 +158,10 @@ def inspect(
         ("name", found["name"]),
         ("FMI", f"{found['fmi']}, {' and '.join(words[i] for i in found['interfaces'])}"),
         ("description", found["description"]),
-        ("written by", found["tool"] or "not said"),
+        ("written by", found["tool"] or "not stated"),
         ("platforms", ", ".join(found["platforms"]) or "none (sources only)"),
         ("can", ", ".join(able) or "only step"),
-        ("step size", found["step_size"] if found["step_size"] is not None else "not said"),
+        ("step size", found["step_size"] if found["step_size"] is not None else "not stated"),
     ]
     table(("", ""), rows)
     line()

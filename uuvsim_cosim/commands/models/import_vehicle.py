@@ -21,29 +21,44 @@ def import_command(
     file: Annotated[
         Path, typer.Argument(help="A closed surface (.stl), or a .urdf, .sdf or .xacro.")
     ],
-    mass: Annotated[float | None, typer.Option("--mass", help="Mass in kg; for a surface.")] = None,
+    mass: Annotated[
+        float | None, typer.Option("--mass", help="Mass in kg; needed for a surface.")
+    ] = None,
     scale: Annotated[
-        float | None, typer.Option("--scale", help="m per unit of the file; mm: 0.001.")
+        float | None, typer.Option("--scale", help="Metres per unit of the file; 0.001 for mm.")
     ] = None,
     axes: Annotated[
-        str | None, typer.Option("--axes", help="What x, y, z are: FLU (default), FRD, RFU or LBU.")
+        str | None,
+        typer.Option(
+            "--axes", help="Directions of x, y and z in the file: FLU (default), FRD, RFU or LBU."
+        ),
     ] = None,
     volume: Annotated[
         float | None,
-        typer.Option("--volume", help="m3 that displace water, where the hull floods."),
+        typer.Option("--volume", help="Displaced volume in m3, if the hull floods."),
     ] = None,
     z_g: Annotated[
         float | None,
-        typer.Option("--z-g", help="m of the centre of gravity below that of buoyancy."),
+        typer.Option(
+            "--z-g", help="Distance in m of the centre of gravity below the centre of buoyancy."
+        ),
     ] = None,
     rho: Annotated[
-        float | None, typer.Option("--rho", help="Density of the water in kg/m3; 1025.")
+        float | None, typer.Option("--rho", help="Density of the water in kg/m3; default 1025.")
+    ] = None,
+    added_mass: Annotated[
+        str | None,
+        typer.Option(
+            "--added-mass",
+            help="How to find a surface's added mass: capytaine (default if installed), ellipsoid, "
+            "or a folder imported from the same surface.",
+        ),
     ] = None,
     out: Annotated[Path | None, folder_option("Folder to write; its name is the id.")] = None,
 ) -> None:
     """Estimate a vehicle from its surface and mass, or read it from a robot's description.
 
-    Writes the folder of a vehicle: each number with its unit and source, estimates marked so.
+    Writes the folder of a vehicle. Each number has its unit and source; estimates are marked.
     """
     from uuvsim_cosim.models.importing.vehicle_draft import check_id, write_draft
 
@@ -57,10 +72,10 @@ def import_command(
     check_id(folder.name)
     if file.suffix.lower() in _DESCRIPTIONS:
         options = {"--mass": mass, "--volume": volume, "--z-g": z_g, "--scale": scale,
-                   "--axes": axes, "--rho": rho}  # fmt: skip
+                   "--axes": axes, "--rho": rho, "--added-mass": added_mass}  # fmt: skip
         for name, given in options.items():
             if given is not None:
-                raise InputInvalid(f"{name}: is for a surface; {file.name} says its own")
+                raise InputInvalid(f"{name}: applies to a surface; {file.name} has its own value")
         from uuvsim_cosim.models.importing.import_description import import_description
 
         found = import_description(file)
@@ -78,18 +93,19 @@ def import_command(
             rho=1025.0 if rho is None else rho,
             volume=volume,
             z_g=z_g,
+            added_mass=added_mass or "auto",
         )
         solid = surface.solid
         line(f"{file.name}: a closed surface of {solid.surface:.4g} m2")
         names = ("length", "breadth", "height")
         table(
-            ("axis", "extent [m]", "area seen [m2]", "C_D"),
+            ("axis", "extent [m]", "area seen [m2]", "C_D", "from", "to"),
             [
                 (
                     f"{a} ({n})",
                     number(solid.extent[i], ".4g"),
                     number(solid.areas[i], ".4g"),
-                    number(surface.C_D[i], ".3g"),
+                    *(number(surface.C_D[k, i], ".3g") for k in (1, 0, 2)),
                 )
                 for i, (a, n) in enumerate(zip("xyz", names, strict=True))
             ],

@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from uuvsim_cosim.commands.models.import_vehicle import import_command
+from uuvsim_cosim.commands.models.picture import picture_command
+from uuvsim_cosim.commands.models.speeds import speeds_command
 from uuvsim_cosim.commands.shared.completion import models, of
 from uuvsim_cosim.commands.shared.options import folder_option
 from uuvsim_cosim.commands.shared.terminal import (
@@ -27,7 +29,7 @@ if TYPE_CHECKING:
 
 __all__ = ["app"]
 
-app = typer.Typer(help="List the models, show one, check vehicles, or start one of your own.")
+app = typer.Typer(help="List the models, show one, check vehicles, or create a vehicle.")
 
 
 @app.callback(invoke_without_command=True)
@@ -35,15 +37,9 @@ def every(context: typer.Context) -> None:
     """List the models that can be simulated and built as FMUs."""
     if context.invoked_subcommand is not None:
         return
-    from uuvsim_cosim.models.declaration.library import IN_PROCESS, available, declare
+    from uuvsim_cosim.commands.shared.listings import listed_models
 
-    rows = []
-    for name in available():
-        model = declare(name)
-        rows.append((name, " ".join(model.description.split())))
-    rows += [(name, f"Python component, in process only: {where}")
-             for name, where in IN_PROCESS.items()]  # fmt: skip
-    table(("model", "what it is"), rows, key="models")
+    table(("model", "what it is"), listed_models(""), key="models")
 
 
 @app.command("show")
@@ -51,7 +47,8 @@ def show(
     name: Annotated[
         str,
         typer.Argument(
-            autocompletion=models, help="A name, a vehicle as id@set, a preset as imu@stim300."
+            autocompletion=models,
+            help="Name of a model; vehicle as id@set; preset such as imu@stim300.",
         ),
     ],
 ) -> None:
@@ -105,24 +102,31 @@ def check(
         str | None,
         typer.Argument(
             autocompletion=models,
-            help="A vehicle, as id, id@set or its folder, or a component such as thruster_t200; "
-            "everything, if left out.",
+            help="A vehicle as id, id@set or its folder, or a component such as thruster_t200; "
+            "by default all.",
         ),
     ] = None,
     source: Annotated[
         list[str] | None,
-        typer.Option(help="Whose numbers: mss, fossen, prestero, gz_sim, ...; may be repeated."),
+        typer.Option(
+            help="Source to compare with: mss, fossen, prestero, gz_sim, …; may be repeated."
+        ),
     ] = None,
     against: Annotated[
         Path | None,
         typer.Option("--against", "--reference", help="CSV of one trajectory to compare with."),
     ] = None,
-    tolerance: Annotated[float, typer.Option(help="With --against: what passes.")] = 1e-5,
+    tolerance: Annotated[
+        float, typer.Option(help="With --against: largest permitted deviation.")
+    ] = 1e-5,
     relative: Annotated[
-        bool, typer.Option("--relative", help="With --against: of each column's greatest value.")
+        bool,
+        typer.Option(
+            "--relative", help="With --against: deviations relative to each column's largest value."
+        ),
     ] = False,
 ) -> None:
-    """Compare with trajectories, published values and closed forms; say how far off each is."""
+    """Compare models with trajectories, published values and closed forms; list deviations."""
     from uuvsim_cosim.models.checks.comparison import known_groups
 
     groups = known_groups(source or ())
@@ -134,7 +138,7 @@ def check(
     if name is None:
         raise InputInvalid("--against needs a vehicle before it, such as bluerov2_heavy@wu_2018")
     if not tolerance >= 0:
-        raise InputInvalid(f"--tolerance {tolerance:g}", "a number from 0")
+        raise InputInvalid(f"--tolerance {tolerance:g}", "a number, 0 or more")
     if not against.is_file():
         raise InputInvalid(against, "no such file", "a CSV of a trajectory")
     _check_against(name, against, tolerance, relative)
@@ -165,11 +169,11 @@ def _check_against(name: str, path: Path, tolerance: float, relative: bool) -> N
         return float(min(d.max, d.relative) if relative else d.max)
 
     worst = max(found, key=off)
-    measure = "relative to its greatest value" if relative else "off"
+    measure = " of its largest value" if relative else ""
     if not off(worst) <= tolerance:
         raise InputInvalid(
             f"{name} against {path}",
-            f"{worst.column} is {off(worst):.3g} {measure} at t = {worst.t:g} s",
+            f"{worst.column} deviates by {off(worst):.3g}{measure} at t = {worst.t:g} s",
             f"at most {tolerance:g}",
         )
     line(f"{name} agrees with {path.name} within {tolerance:g}{' relative' if relative else ''}")
@@ -182,9 +186,7 @@ def _check_all(name: str | None, groups: set[str]) -> None:
     done = list(every_check(groups) if name is None else checks_of(name, groups))
     if not done:
         there = ", ".join(groups_of(name or ""))
-        raise InputInvalid(
-            name, f"nothing of {', '.join(sorted(groups))} is compared with it", there
-        )
+        raise InputInvalid(name, f"has no comparison with {', '.join(sorted(groups))}", there)
     table(
         ("source", "vehicle", "quantity", "difference", "tolerance", "verdict"),
         [
@@ -210,25 +212,30 @@ def _check_all(name: str | None, groups: set[str]) -> None:
     if failed:
         raise InputInvalid(
             "; ".join(
-                f"{c.address or c.group}: {c.what} is {c.off:.3g} off; expected at most "
+                f"{c.address or c.group}: {c.what} deviates by {c.off:.3g}; expected at most "
                 f"{c.tolerance:g} ({c.source})"
                 for c in failed
             )
         )
     kept = sum(c.holds for c in done)
-    rest = ", the cause of the rest is known" if kept < len(done) else ""
+    rest = "; the other deviations have a known cause" if kept < len(done) else ""
     line(f"{kept} of {len(done)} comparisons hold{rest}")
 
 
 @app.command("new")
 def new(
-    name: Annotated[str, typer.Argument(help="Its id: lower case, digits and _.")],
+    name: Annotated[
+        str, typer.Argument(help="Id of the vehicle: lower-case letters, digits and _.")
+    ],
     out: Annotated[Path, folder_option("Folder to write into.")] = Path(),
     shape: Annotated[
-        str, typer.Option(autocompletion=of("box", "torpedo"), help="box or torpedo.")
+        str,
+        typer.Option(
+            autocompletion=of("box", "torpedo"), help="Shape of the hull: box or torpedo."
+        ),
     ] = "box",
 ) -> None:
-    """Write the folder of a vehicle of your own, which can be run at once, and say how."""
+    """Write the folder of a new vehicle that can be simulated at once, and print how."""
     from uuvsim_cosim.models.importing.new_vehicle import write_vehicle
 
     folder = write_vehicle(name, out, shape)
@@ -241,3 +248,5 @@ def new(
 
 
 app.command("import")(import_command)
+app.command("picture")(picture_command)
+app.command("speeds")(speeds_command)

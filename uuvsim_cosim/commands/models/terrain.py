@@ -17,12 +17,16 @@ __all__ = ["terrain_command"]
 def terrain_command(
     chart: Annotated[
         Path,
-        typer.Argument(help="An S-57 cell (.000), BAG, GeoTIFF, S-102, a terrain or scene."),
+        typer.Argument(
+            help="Chart or grid: S-57 cell (.000), BAG, GeoTIFF, S-102, a terrain or a scene."
+        ),
     ],
     out: Annotated[
         Path | None,
         typer.Option(
-            "--out", "-o", help="seabed.tif, .png, .glb, .sdf, .npz, or a scene's folder."
+            "--out",
+            "-o",
+            help="File to write (.tif, .png, .glb, .sdf or .npz), or folder of a scene.",
         ),
     ] = None,
     resolution: Annotated[
@@ -30,14 +34,17 @@ def terrain_command(
         typer.Option(
             "--resolution",
             "-r",
-            help="Distance of the nodes in m; default: 10 for a chart, a grid's own cells.",
+            help="Distance between nodes in m; default: 10 for a chart, the cell size for a grid.",
         ),
     ] = None,
     around: Annotated[
-        str | None, typer.Option("--around", help="Middle of a piece: LAT,LON in degrees.")
+        str | None, typer.Option("--around", help="Centre of the area to use: LAT,LON in degrees.")
     ] = None,
     size: Annotated[
-        str | None, typer.Option("--size", help="Its size in km: 3, or N x E as 3x5.")
+        str | None,
+        typer.Option(
+            "--size", help="Size of the area of --around in km: 3, or north x east such as 3x5."
+        ),
     ] = None,
     land: Annotated[
         str | None,
@@ -45,19 +52,24 @@ def terrain_command(
     ] = None,
     relief: Annotated[
         int | None,
-        typer.Option("--relief", help="Seed of an invented relief below the soundings' spacing."),
+        typer.Option(
+            "--relief", help="Seed of random relief finer than the spacing of the soundings."
+        ),
     ] = None,
     datum: Annotated[
-        str | None, typer.Option("--datum", help="Datum that depths have to be from, as MLLW.")
+        str | None,
+        typer.Option("--datum", help="Vertical datum that the depths must have, such as MLLW."),
     ] = None,
     unit: Annotated[
-        str | None, typer.Option("--unit", help="Unit of a grid that does not say it: m, ft.")
+        str | None, typer.Option("--unit", help="Unit of a grid that does not state it: m, ft.")
     ] = None,
     positive: Annotated[
-        str | None, typer.Option("--positive", help="Whether a grid's values grow up or down.")
+        str | None,
+        typer.Option("--positive", help="Direction in which a grid's values increase: up or down."),
     ] = None,
     fill: Annotated[
-        float, typer.Option("--fill", help="Bridge a grid's holes up to so many m from data.")
+        float,
+        typer.Option("--fill", help="Fill a grid's holes up to this distance from data, in m."),
     ] = 0.0,
     crs: Annotated[
         str | None,
@@ -67,10 +79,13 @@ def terrain_command(
     ] = None,
     local: Annotated[
         bool,
-        typer.Option("--local", help="A grid without one has x east and y north, m, local frame."),
+        typer.Option(
+            "--local",
+            help="Read a grid without a reference system in a local frame: x east, y north, in m.",
+        ),
     ] = False,
 ) -> None:
-    """Make a terrain of a chart (with the updates beside it) or a grid; without -o, show it.
+    """Make a terrain from a chart (and update files beside it) or a grid; without -o, show it.
 
     Not for navigation.
     """
@@ -116,8 +131,9 @@ def terrain_command(
         if resolution is not None:
             raise
         line(
-            f"note: at {many.fits:g} m, because the default resolution has too many nodes (of a "
-            "chart, -o FILE.tif has them all)"
+            f"note: nodes are {many.fits:g} m apart, because the default resolution has too many "
+            "nodes "
+            "(for a chart, -o FILE.tif writes all of them)"
         )
         made = make_terrain(chart, replace(options, resolution=many.fits))
     table(("", ""), made.facts.items(), key="facts")

@@ -20,7 +20,8 @@ def compare_command(
     a: Annotated[Path, typer.Argument(help=RECORDING)],
     b: Annotated[Path, typer.Argument(help=RECORDING)],
     tol: Annotated[
-        float, typer.Option("--tol", help="Largest |A - B| that is equal, in the signal's unit.")
+        float,
+        typer.Option("--tol", help="Largest |A - B| that counts as equal, in the signal's unit."),
     ] = 0.0,
 ) -> None:
     """Compare two recordings and name the first signal that differs.

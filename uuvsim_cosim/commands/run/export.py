@@ -1,4 +1,4 @@
-"""`uuvsim export`: a recording as CSV, MATLAB, MCAP (with its scene for Foxglove) or Rerun."""
+"""`uuvsim export`: a recording as CSV, MATLAB, MCAP (Foxglove, rosbag2) or Rerun."""
 
 from __future__ import annotations
 
@@ -7,8 +7,12 @@ from typing import Annotated
 
 import typer
 
-from uuvsim_cosim.commands.shared.terminal import file_line
+from uuvsim_cosim.cache import whole_file
+from uuvsim_cosim.commands.shared.completion import of
+from uuvsim_cosim.commands.shared.progress import StudyProgress
+from uuvsim_cosim.commands.shared.terminal import file_line, line, put, remark
 from uuvsim_cosim.errors import InputInvalid
+from uuvsim_cosim.models.declaration.modeline import keep_schemas
 
 __all__ = ["export_command"]
 
@@ -21,25 +25,75 @@ def export_command(
         Path, typer.Option("--out", "-o", help="File to write: .csv, .mat, .mcap or .rrd (Rerun).")
     ],
     scene: Annotated[
-        bool, typer.Option("--scene", help="With .mcap: the 3-D scene as well, for Foxglove.")
+        bool, typer.Option("--scene", help="With .mcap: write the 3-D scene as well, for Foxglove.")
     ] = False,
+    ros2: Annotated[
+        bool,
+        typer.Option(
+            "--ros2",
+            help="Write a rosbag2: one .mcap, a folder (no ending), or its topics as .yaml.",
+        ),
+    ] = False,
+    topics: Annotated[
+        Path | None, typer.Option(help="With --ros2: file of topics; default by the signals.")
+    ] = None,
+    distribution: Annotated[
+        str,
+        typer.Option(
+            autocompletion=of("humble", "jazzy", "kilted", "lyrical"),
+            help="With --ros2: distribution of ROS 2 whose messages are written.",
+        ),
+    ] = "jazzy",
 ) -> None:
-    """Convert a recording for other tools; the ending of the file's name decides the format."""
+    """Convert a recording for other tools; the ending of the file name selects the format."""
     kind = out.suffix.lower()
+    if ros2:
+        _export_bag(run, out, topics, distribution, scene=scene)
+        return
+    if topics is not None:
+        raise InputInvalid(f"--topics {topics}", "--ros2 beside it")
     if kind not in KINDS:
         raise InputInvalid(out, f"ending {out.suffix!r} was read", ", ".join(KINDS))
     if scene and kind != ".mcap":
         raise InputInvalid(f"--scene and {out}: expected a file .mcap; .rrd has the scene anyway")
-    if kind == ".rrd":
-        from uuvsim_cosim.view.scene3d.rerun_file import export_rrd
+    with StudyProgress("rows" if kind in (".csv", ".mcap") else "signals") as progress:
+        if kind == ".rrd":
+            from uuvsim_cosim.view.scene3d.rerun_file import export_rrd
 
-        export_rrd(run, out)
-    elif scene:
-        from uuvsim_cosim.view.scene3d.foxglove import export_scene_mcap
+            export_rrd(run, out, progress)
+        elif scene:
+            from uuvsim_cosim.view.scene3d.foxglove import export_scene_mcap
 
-        export_scene_mcap(run, out)
-    else:
-        from uuvsim_cosim.orchestrator.recording.export import export
+            export_scene_mcap(run, out, progress)
+        else:
+            from uuvsim_cosim.orchestrator.recording.export import export
 
-        export(run, out)
+            export(run, out, progress)
+    file_line(out)
+
+
+def _export_bag(
+    run: Path, out: Path, topics: Path | None, distribution: str, *, scene: bool
+) -> None:
+    from uuvsim_cosim.bridge.ros2.bag import recorded_topics, write_bag
+    from uuvsim_cosim.bridge.ros2.topics import topics_text
+
+    if scene:
+        raise InputInvalid("--scene with --ros2", "one of them")
+    if out.suffix.lower() in (".yaml", ".yml"):
+        with whole_file(out) as fresh:
+            fresh.write_text(topics_text(recorded_topics(run)), encoding="utf-8")
+        keep_schemas(out)
+        file_line(out)
+        return
+    if out.suffix and out.suffix.lower() != ".mcap":
+        raise InputInvalid(
+            out, f"ending {out.suffix!r} was read", ".mcap, no ending for a folder, or .yaml"
+        )
+    with StudyProgress("rows") as progress:
+        written, notes = write_bag(run, out, topics, distribution, progress)
+    for note in notes:
+        remark("note", note)
+    put("topics", [{"topic": topic.name, "type": topic.type} for topic in written])
+    line(f"{len(written)} topics of ROS 2 {distribution}; world ENU, body FLU")
     file_line(out)

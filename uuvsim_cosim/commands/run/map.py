@@ -23,18 +23,26 @@ __all__ = ["map_command", "mapped"]
 def map_command(
     run: Annotated[Path, typer.Argument(help="Folder that `uuvsim run` wrote.")],
     out: Annotated[
-        Path | None, typer.Option("--out", "-o", help="map.tif; points as .laz, .las or .ply.")
+        Path | None,
+        typer.Option(
+            "--out", "-o", help="File to write: the map as .tif, or points as .laz, .las or .ply."
+        ),
     ] = None,
     pose: Annotated[
         str,
-        typer.Option(autocompletion=of("true", "navigation"), help="Whose: true, or navigation."),
+        typer.Option(
+            autocompletion=of("true", "navigation"),
+            help="Pose of the vehicle to use: true or navigation.",
+        ),
     ] = "true",
-    every: Annotated[int, typer.Option(help="Of points, those of every N-th frame.")] = 10,
+    every: Annotated[int, typer.Option(help="With points: write those of every N-th frame.")] = 10,
     settings: Annotated[
-        Path | None, typer.Option(help="YAML of scene and sensors, if not those of the run.")
+        Path | None, typer.Option(help="YAML file of scene and sensors, if not those of the run.")
     ] = None,
-    scene: Annotated[str, typer.Option(help="Another scene, or a terrain (.npz).")] = "",
-    cell: Annotated[float | None, typer.Option(help="Of the map, in metres.")] = None,
+    scene: Annotated[
+        str, typer.Option(help="Scene or terrain (.npz), if not that of the run.")
+    ] = "",
+    cell: Annotated[float | None, typer.Option(help="Cell size of the map in m.")] = None,
 ) -> None:
     """Map the seabed that a run surveyed, and write the map or its points."""
     from uuvsim_cosim.scene.mapping.map_files import check_target

@@ -20,11 +20,13 @@ def pack_command(
         str,
         typer.Argument(autocompletion=systems, help="Name of a system, or an .ssd or .ssp file."),
     ],
-    out: Annotated[Path, typer.Option("--out", "-o", help="The .ssp to write.")],
-    fmi: Annotated[int, typer.Option(help="2: FMI 2 in SSP 1.0; 3: FMI 3 in SSP 2.0.")] = 2,
-    seed: Annotated[int, typer.Option(help="Seed that the packed values come from.")] = 0,
+    out: Annotated[Path, typer.Option("--out", "-o", help="File to write (.ssp).")],
+    fmi: Annotated[
+        int, typer.Option(help="FMI version: 2 (FMI 2 in SSP 1.0) or 3 (FMI 3 in SSP 2.0).")
+    ] = 2,
+    seed: Annotated[int, typer.Option(help="Seed from which random values are drawn.")] = 0,
     platform: Annotated[
-        str, typer.Option(help="Comma-separated: host, linux64, win64, darwin64, …")
+        str, typer.Option(help="Platforms, comma-separated: host, linux64, win64, darwin64, …")
     ] = "host",
 ) -> None:
     """Write a system as SSP that other tools can simulate: FMUs, values and units inside."""

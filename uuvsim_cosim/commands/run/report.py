@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from uuvsim_cosim.commands.shared.terminal import file_line
+from uuvsim_cosim.commands.shared.terminal import console, file_line
 from uuvsim_cosim.errors import InputInvalid
 
 __all__ = ["report_command"]
@@ -36,18 +36,22 @@ def report_command(
     suffix = ".html" if out is None else out.suffix.lower()
     if suffix not in (".html", ".htm", ".svg"):
         raise InputInvalid(out, f"ending {suffix!r} was read", ".html or .svg")
+    if suffix == ".svg" and other is not None:
+        raise InputInvalid(out, "a picture shows one run", ".html to compare two runs")
+    with console(stderr=True).status("writing the report"):
+        written = _written(run, other, out, suffix)
+    file_line(written)
+
+
+def _written(run: Path, other: Path | None, out: Path | None, suffix: str) -> Path:
     if suffix == ".svg":
-        if other is not None:
-            raise InputInvalid(out, "a picture shows one run", ".html to compare two runs")
         from uuvsim_cosim.view.reports.picture import write_run_picture
 
-        written = write_run_picture(run, out or "")
-    elif other is not None:
+        return write_run_picture(run, out or "")
+    if other is not None:
         from uuvsim_cosim.view.reports.run_comparison import write_comparison
 
-        written = write_comparison(run, other, out)
-    else:
-        from uuvsim_cosim.view.reports.run_report import write_report
+        return write_comparison(run, other, out)
+    from uuvsim_cosim.view.reports.run_report import write_report
 
-        written = write_report(run, out)
-    file_line(written)
+    return write_report(run, out)

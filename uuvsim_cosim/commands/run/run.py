@@ -20,7 +20,13 @@ from uuvsim_cosim.commands.shared.options import (
     step_text,
 )
 from uuvsim_cosim.commands.shared.progress import RunProgress
-from uuvsim_cosim.commands.shared.system_options import MAP, SET, edited_system
+from uuvsim_cosim.commands.shared.system_options import (
+    MAP,
+    SET,
+    Force,
+    VehicleOfMission,
+    edited_system,
+)
 from uuvsim_cosim.commands.shared.terminal import file_line, line, notice, put, remark, tilde
 from uuvsim_cosim.errors import ComponentFailed, InputInvalid, LoopNotConverged
 
@@ -34,27 +40,39 @@ INPUT = "CSV of inputs over time, or [+]component.variable:step, chirp or prbs"
 
 def run_command(
     system: Annotated[
-        str, typer.Argument(autocompletion=systems, help="A name, or a path to .ssd, .ssp or .fmu.")
+        str,
+        typer.Argument(
+            autocompletion=systems,
+            help="Name of a system, a path to .ssd, .ssp or .fmu; with --vehicle: hold or survey.",
+        ),
     ],
+    vehicle: VehicleOfMission = None,
     waypoints: Annotated[
         Path | None,
-        typer.Option(help="CSV of north, east, down in m, or lat, lon, depth; or a .plan of QGC."),
+        typer.Option(
+            help="CSV of north, east, down in m, or of lat, lon, depth; or a .plan of "
+            "QGroundControl."
+        ),
     ] = None,
     origin: Annotated[
         str | None,
         typer.Option(help="LAT,LON of the local frame's origin, for --waypoints in degrees."),
     ] = None,
-    set_: Annotated[list[str] | None, typer.Option("--set", help=f"{SET}; again for more.")] = None,
+    set_: Annotated[
+        list[str] | None, typer.Option("--set", help=f"{SET}; may be repeated.")
+    ] = None,
     until: Annotated[
         float | None,
         typer.Option(
-            help="Simulated time: seconds, or '2 min'.", parser=seconds("--until"), metavar="TIME"
+            help="End of the simulated time: seconds, or '2 min'.",
+            parser=seconds("--until"),
+            metavar="TIME",
         ),
     ] = None,
     start: Annotated[
         float | None,
         typer.Option(
-            help="Simulated time of the start; by default that of the file, else 0.",
+            help="Start of the simulated time; by default that of the file, else 0.",
             parser=seconds("--start"),
             metavar="TIME",
         ),
@@ -69,15 +87,20 @@ def run_command(
             autocompletion=replacements, help="component=source: an .fmu, FILE.py:Class, model:…"
         ),
     ] = None,
+    ardusub: Annotated[
+        str | None,
+        typer.Option(help="ArduSub's simulation binary; by default `ardusub` in the PATH."),
+    ] = None,
     map_: Annotated[
         list[str] | None, typer.Option("--map", help=f"{MAP}, or component=FILE.ssm.")
     ] = None,
     rate: Annotated[
         list[str] | None,
-        typer.Option(help="component=step: 0.02, or 20ms; its communication step."),
+        typer.Option(help="Communication step: component=0.02, or component=20ms."),
     ] = None,
+    force: Force = False,
     native: Annotated[
-        bool, typer.Option("--native", help="Run models in process instead of as FMUs.")
+        bool, typer.Option("--native", help="Run models in this process instead of as FMUs.")
     ] = False,
     record_every: Annotated[int, typer.Option(help="Record every N-th step.")] = 1,
     real_time: Annotated[
@@ -87,20 +110,20 @@ def run_command(
         str,
         typer.Option(
             autocompletion=of("catch-up", "slip", "fail"),
-            help="When a step takes too long: catch-up, slip or fail.",
+            help="Reaction to a step that takes too long: catch-up, slip or fail.",
         ),
     ] = "catch-up",
     scenario: Annotated[
-        Path | None, typer.Option(help="What happens meanwhile: YAML, or libcosim's JSON.")
+        Path | None, typer.Option(help="Scenario (timed events): YAML, or JSON of libcosim.")
     ] = None,
     isolate: Annotated[
         list[str] | None,
         typer.Option(
-            autocompletion=components, help="Component in a process of its own; * for all."
+            autocompletion=components, help="Component to run in a separate process; * for all."
         ),
     ] = None,
     watchdog: Annotated[
-        float, typer.Option(help="Seconds that an isolated component has to answer.")
+        float, typer.Option(help="Longest time in s until an isolated component answers.")
     ] = 30.0,
     loops: Annotated[
         str | None,
@@ -110,17 +133,22 @@ def run_command(
         ),
     ] = None,
     trace_fmi: Annotated[
-        Path | None, typer.Option(help="CSV of every FMI call of every FMU; slow.")
+        Path | None, typer.Option(help="CSV to write: every FMI call of every FMU; slow.")
     ] = None,
     no_report: Annotated[bool, typer.Option("--no-report", help="Write no report.html.")] = False,
     open_: Annotated[bool, typer.Option("--open", help="Open the report in a browser.")] = False,
     view: Annotated[
-        bool, typer.Option("--view", help="Show it live in a browser, then replay it; Ctrl-C ends.")
+        bool,
+        typer.Option(
+            "--view", help="Show the run live in a browser, then replay it; Ctrl-C ends it."
+        ),
     ] = False,
-    port: Annotated[int | None, typer.Option(help="Of --view; by default 8080 or near.")] = None,
+    port: Annotated[
+        int | None, typer.Option(help="Port of --view; by default the first free one from 8080 on.")
+    ] = None,
     input_: Annotated[
         list[str] | None,
-        typer.Option("--input", help=f"{INPUT}; again for more. For an .fmu: one CSV."),
+        typer.Option("--input", help=f"{INPUT}; may be repeated. For an .fmu: one CSV."),
     ] = None,
     step: Annotated[
         str | None, typer.Option(help="For an .fmu: communication step, 0.01 or 10ms.")
@@ -151,13 +179,13 @@ def run_command(
     if is_fmu:
         refused = {
             "--waypoints": waypoints, "--origin": origin, "--replace": replace, "--map": map_,
-            "--rate": rate,
+            "--rate": rate, "--vehicle": vehicle, "--force": force, "--ardusub": ardusub,
             "--real-time": real_time, "--isolate": isolate, "--scenario": scenario,
             "--view": view, "--loops": loops,
         }  # fmt: skip
         for option, given in refused.items():
             if given:
-                raise InputInvalid(option, "is for systems", "a system, not one FMU")
+                raise InputInvalid(option, "applies to systems", "a system, not a single FMU")
         if len(input_ or []) > 1:
             raise InputInvalid(f"--input {' '.join(input_ or [])}: expected one CSV for an .fmu")
         table = Path(input_[0]) if input_ else None
@@ -165,9 +193,11 @@ def run_command(
         _run_fmu(system, table, until, asked, out, values, trace_fmi, start, interface)
         return
     if step is not None:
-        raise InputInvalid("--step is for a single .fmu", "--rate component=step")
+        raise InputInvalid("--step applies to a single .fmu", "--rate component=step")
     if interface is not None:
-        raise InputInvalid(f"--interface {interface} is for a single .fmu", "SYSTEM to be one")
+        raise InputInvalid(
+            f"--interface {interface} applies to a single .fmu", "SYSTEM to be an .fmu"
+        )
     changes = {
         "replace": assignments("--replace", replace or [], "component=source", dotted=False),
         "map": assignments("--map", map_ or [], MAP, dotted=False),
@@ -178,12 +208,12 @@ def run_command(
     if waypoints is not None:
         changes["waypoints"] = {"file": waypoints.name} | ({"origin": origin} if origin else {})
     elif origin is not None:
-        raise InputInvalid(f"--origin {origin}: places --waypoints", "them as well")
+        raise InputInvalid(f"--origin {origin}: applies to --waypoints", "--waypoints as well")
     if scenario is not None:
         changes["scenario"] = {"file": scenario.name}
     if out is not None:
         expect_folder(out)
-    edited = edited_system(system, waypoints, changes, loops, origin)
+    edited = edited_system(system, waypoints, changes, loops, origin, vehicle, force, ardusub)
     if real_time is None and overruns != "catch-up":
         raise InputInvalid(f"--overruns {overruns}: expected --real-time FACTOR with it")
     from uuvsim_cosim.orchestrator.master.real_time import Pace
@@ -193,6 +223,7 @@ def run_command(
     pace = None if real_time is None else Pace(real_time, overruns)  # type: ignore[arg-type]
     about = {
         "source": Path(system).name,
+        **({} if vehicle is None else {"vehicle": vehicle}),
         "changes": {kind: given for kind, given in changes.items() if given},
     }
     report_file: Path | None = None
@@ -211,9 +242,13 @@ def run_command(
         except (ComponentFailed, LoopNotConverged) as error:
             progress.close()
             if error.recording is not None:
-                notice(f"the recording up to then is in {tilde(error.recording)}")
+                notice(f"the recording up to that time is in {tilde(error.recording)}")
             raise
-        surveyed = None if done.interrupted else mapped(system, done.folder, progress)
+        surveyed = (
+            None
+            if done.interrupted or vehicle is not None
+            else mapped(system, done.folder, progress)
+        )
         figures, warnings = summary(done, surveyed)
         write_metrics(done.folder, figures)
         if not no_report:
@@ -223,7 +258,7 @@ def run_command(
     if open_ and report_file is not None:
         typer.launch(str(report_file))
     if done.interrupted:
-        notice(f"{done.interrupted}; the recording is complete up to then")
+        notice(f"{done.interrupted}; the recording is complete up to that time")
         watched.close()
         raise typer.Exit(130)
     watched.replay(done.folder)
@@ -265,7 +300,7 @@ def _run_fmu(
             )  # fmt: skip
     except ComponentFailed as error:
         if isinstance(error.partial, SimulationFile):
-            notice(f"the values up to then are in {tilde(target)}")
+            notice(f"the values up to that time are in {tilde(target)}")
         raise
     except SimulationInterrupted as interrupted:
         end = interrupted.partial.end

@@ -88,7 +88,7 @@ def show_run(run: Run, report: Path | None, figures: list[Figure], warnings: lis
     line()
     if run.asked is not None:
         put("asked", str(run.asked))
-        line(f"{tilde(run.asked)} has something in it already, so this run went beside it")
+        line(f"{tilde(run.asked)} is not empty, so this run was written beside it")
     files = [run.recording, *([report] if report else []), run.folder / "run.json",
              run.folder / "system.ssd", run.folder / "map.npz"]  # fmt: skip
     file_table(f for f in files if f.is_file())

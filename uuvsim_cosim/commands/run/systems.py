@@ -8,13 +8,17 @@ from typing import Annotated
 import typer
 
 from uuvsim_cosim.cache import written
-from uuvsim_cosim.commands.shared.completion import components, systems
+from uuvsim_cosim.commands.run.missions import missions_command
+from uuvsim_cosim.commands.shared.completion import components, of, systems, vehicles
 from uuvsim_cosim.commands.shared.terminal import file_line, line, number, remark, table
 from uuvsim_cosim.errors import InputInvalid
 
 __all__ = ["app"]
 
-app = typer.Typer(help="List the systems, show one, or what a replacement must have.")
+app = typer.Typer(help="List the systems, show one or its slots, or make one for a vehicle.")
+
+
+app.command("missions")(missions_command)
 
 
 @app.callback(invoke_without_command=True)
@@ -22,24 +26,23 @@ def every(context: typer.Context) -> None:
     """List the systems that `uuvsim run` knows by name."""
     if context.invoked_subcommand is not None:
         return
-    from uuvsim_cosim.orchestrator.running.library import available, load
+    from uuvsim_cosim.commands.shared.listings import listed_systems
 
-    rows = []
-    for name in available():
-        system = load(name)
-        rows.append((name, len(system.components), " ".join(system.description.split())))
-    table(("system", "components", "what it is"), rows, key="systems")
+    table(("system", "components", "what it is"), listed_systems(""), key="systems")
 
 
 @app.command("show")
 def show(
     name: Annotated[
-        str, typer.Argument(autocompletion=systems, help="A name, or a path to .ssd, .ssp or .fmu.")
+        str,
+        typer.Argument(
+            autocompletion=systems, help="Name of a system, or a path to .ssd, .ssp or .fmu."
+        ),
     ],
     out: Annotated[
-        Path | None, typer.Option("--out", "-o", help="The diagram: NAME.svg if not given.")
+        Path | None, typer.Option("--out", "-o", help="Diagram to write; default NAME.svg.")
     ] = None,
-    plan: Annotated[bool, typer.Option("--plan", help="Print the plan instead.")] = False,
+    plan: Annotated[bool, typer.Option("--plan", help="Print the execution plan instead.")] = False,
 ) -> None:
     """Draw a system's block diagram with rates and units, and list components and loops."""
     if out is not None and out.suffix.lower() != ".svg":
@@ -89,7 +92,8 @@ def show(
 @app.command("slot")
 def slot(
     name: Annotated[
-        str, typer.Argument(autocompletion=systems, help="A name, or a path to .ssd or .ssp.")
+        str,
+        typer.Argument(autocompletion=systems, help="Name of a system, or a path to .ssd or .ssp."),
     ],
     component: Annotated[
         str, typer.Argument(autocompletion=components, help="A component of the system.")
@@ -101,3 +105,42 @@ def slot(
 
     found = load(name).slot(component)
     line(format_slot(found))
+
+
+@app.command("new")
+def new(
+    name: Annotated[str, typer.Argument(help="Name of the system; of its vehicle too by default.")],
+    vehicle: Annotated[
+        str | None,
+        typer.Option(autocompletion=vehicles, help="Vehicle: id, id@set or folder; default NAME."),
+    ] = None,
+    mission: Annotated[
+        str, typer.Option(autocompletion=of("hold", "survey"), help="Mission: hold or survey.")
+    ] = "survey",
+    out: Annotated[
+        Path | None, typer.Option("--out", "-o", help="File to write; default NAME.ssd.")
+    ] = None,
+) -> None:
+    """Make a complete system from a vehicle's folder, and print its margins and assumptions."""
+    if vehicle is not None and Path(name).name != name:
+        raise InputInvalid(
+            f"{name}: a path", "the name of the system; --out FILE.ssd for its place"
+        )
+    target = out or Path(f"{Path(name).name}.ssd")
+    if target.suffix.lower() != ".ssd":
+        raise InputInvalid(target, f"ending {target.suffix!r} was read", ".ssd")
+    if target.exists():
+        raise InputInvalid(target, "it exists already", "another name, or --out FILE.ssd")
+    from dataclasses import replace
+
+    from uuvsim_cosim.orchestrator.shipped.of_vehicle import system_of
+    from uuvsim_cosim.orchestrator.ssp.ssd import write_ssd
+
+    made = system_of(vehicle or name, mission)  # type: ignore[arg-type]  # it refuses others
+    first, *others = made.remarks
+    line(first)
+    for text in others:
+        remark("note" if text.startswith("margins") else "assumed", text)
+    own = "".join(c if c.isalnum() else "_" for c in Path(name).name)
+    write_ssd(replace(made, name=own), target)
+    file_line(target)

@@ -25,13 +25,13 @@ if TYPE_CHECKING:
 __all__ = ["HOST", "PORT", "Watched", "announce", "serve", "view_command"]
 
 PORT = "Port of the page; by default the first free one from 8080 on."
-HOST = "Where others may reach the page: 0.0.0.0 is everywhere."
+HOST = "Address to listen at; 0.0.0.0: all."
 
 
 def view_command(
     run: Annotated[
         Path | None,
-        typer.Argument(help="A run's folder, .parquet or .mcap; by default the newest below runs."),
+        typer.Argument(help="Run's folder, .parquet or .mcap; by default the newest run in runs."),
     ] = None,
     port: Annotated[int | None, typer.Option(help=PORT)] = None,
     host: Annotated[str, typer.Option(help=HOST)] = "127.0.0.1",
@@ -81,10 +81,15 @@ def announce(server: ViserServer, what: str, *, show: bool) -> None:
     is_terminal = answer().mode == "text" and sys.stdout.isatty()
     line(f"{what}: {entry(server) if is_terminal else where} in a browser; Ctrl-C ends it")
     if not is_terminal:
-        line(f"the page asks for a token: add ?token= and what `uuvsim access token --port {port}` "
-             "prints")  # fmt: skip
+        line(
+            "the page needs a token: add ?token= and the output of `uuvsim access token --port "
+            f"{port}`"
+        )
     if not has_screen():
-        line(f"no screen here; elsewhere: ssh -L {port}:localhost:{port} THIS_MACHINE")
+        line(
+            f"this machine has no screen; from another machine: ssh -L {port}:localhost:{port} "
+            "THIS_MACHINE"
+        )
     elif show:
         typer.launch(entry(server))
     sys.stdout.flush()
@@ -100,7 +105,7 @@ class Watched:
         self.observers: list[Observer] = []
         if not asked:
             if port is not None:
-                raise InputInvalid(f"--port {port}: is where --view shows it", "--view")
+                raise InputInvalid(f"--port {port}: applies to --view", "--view")
             return
         from uuvsim_cosim.view.scene3d.live import LiveView
         from uuvsim_cosim.view.scene3d.viser_server import open_server

@@ -14,13 +14,14 @@ from uuvsim_cosim.errors import InputInvalid
 __all__ = ["app"]
 
 app = typer.Typer(
-    help="Who may read, set, step and manage what `uuvsim serve` serves.", no_args_is_help=True
+    help="Manage passwords, tokens, certificates and access files of `uuvsim serve`.",
+    no_args_is_help=True,
 )
 
 
 @app.command("password")
 def password_command() -> None:
-    """Ask for a password (or read a line of stdin), and print what an access file keeps of it."""
+    """Ask for a password, or read it from stdin, and print its hash for an access file."""
     from uuvsim_cosim.bridge.access.passwords import hashed
 
     if sys.stdin.isatty():
@@ -39,17 +40,17 @@ def password_command() -> None:
 def token_command(
     port: Annotated[int, typer.Option(help="A port of the server.")] = 7449,
     header: Annotated[
-        bool, typer.Option("--header", help="As a header of HTTP, in a file for curl -H @FILE.")
+        bool, typer.Option("--header", help="Print the HTTP header that curl -H @FILE reads.")
     ] = False,
 ) -> None:
-    """Print the token of a server of yours on this machine, which was started without --access."""
+    """Print the token of your server on this machine, if it was started without --access."""
     from uuvsim_cosim.bridge.access.token import known_token, token_file
 
     token = known_token("127.0.0.1", port)
     if token is None:
         raise InputInvalid(
             f"port {port}",
-            f"no server of yours asks for a token there (no file {tilde(token_file(port))})",
+            f"none of your servers uses a token there (no file {tilde(token_file(port))})",
             "the --port of `uuvsim serve` or of a page (`uuvsim view`)",
         )
     text = f"Authorization: Bearer {token}" if header else token
@@ -59,15 +60,17 @@ def token_command(
 
 @app.command("certificates")
 def certificates_command(
-    folder: Annotated[Path, typer.Argument(help="Where to write them.")],
+    folder: Annotated[Path, typer.Argument(help="Folder to write the certificates into.")],
     host: Annotated[
         list[str] | None,
-        typer.Option(help="A name or address of the server; again for more. Else this machine's."),
+        typer.Option(
+            help="Name or address of the server; may be repeated; by default those of this machine."
+        ),
     ] = None,
     client: Annotated[
-        list[str] | None, typer.Option(help="Common name of a client; again for more.")
+        list[str] | None, typer.Option(help="Common name of a client; may be repeated.")
     ] = None,
-    days: Annotated[int, typer.Option(min=1, help="How long they are valid.")] = 365,
+    days: Annotated[int, typer.Option(min=1, help="Validity in days.")] = 365,
 ) -> None:
     """Make a CA, and certificates that it signs for a server and its clients."""
     from uuvsim_cosim.bridge.access.certificates import make_certificates
@@ -79,7 +82,7 @@ def certificates_command(
 
 @app.command("check")
 def check_command(file: Annotated[Path, typer.Argument(help="An access file.")]) -> None:
-    """Say who may do what, or every mistake with its line."""
+    """List the permissions in an access file, or every mistake with its line."""
     from uuvsim_cosim.bridge.access.access_file import read_access
     from uuvsim_cosim.bridge.access.roles import permissions
 

@@ -18,8 +18,8 @@ def matlab_command() -> None:
     if not (folder / "+uuvsim" / "connect.m").is_file():
         raise InputInvalid(
             folder,
-            "the MATLAB client is not there",
-            "the folder +uuvsim, which the wheel brings: install uuvsim-cosim again",
+            "the MATLAB client is missing",
+            "the folder +uuvsim of the wheel; install uuvsim-cosim again",
         )
     folders = [
         str(part).replace("'", "''") for part in (folder, folder / "examples", folder / "mex")

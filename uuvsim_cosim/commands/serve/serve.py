@@ -16,7 +16,14 @@ import typer
 from uuvsim_cosim.commands.shared.answer import answer
 from uuvsim_cosim.commands.shared.completion import of, replacements, systems
 from uuvsim_cosim.commands.shared.options import assignments, folder_option, rates, seconds
-from uuvsim_cosim.commands.shared.system_options import MAP, SET, edited_system
+from uuvsim_cosim.commands.shared.system_options import (
+    MAP,
+    SET,
+    Force,
+    VehicleOfMission,
+    edited_system,
+    named_system,
+)
 from uuvsim_cosim.commands.shared.terminal import line, notice, put, tilde
 from uuvsim_cosim.errors import InputInvalid
 
@@ -33,13 +40,17 @@ _LOOK = 0.1  # [s] between two checks for the end
 def serve_command(
     system: Annotated[
         str,
-        typer.Argument(autocompletion=systems, help="System, .ssd, .ssp, .fmu; or a recording."),
+        typer.Argument(
+            autocompletion=systems,
+            help="Name of a system, path to .ssd, .ssp or .fmu, or a recording.",
+        ),
     ],
+    vehicle: VehicleOfMission = None,
     real_time: Annotated[
-        float, typer.Option(help="Factor of real time at which it streams.")
+        float, typer.Option(help="Factor of real time at which the system runs.")
     ] = 1.0,
     paused: Annotated[
-        bool, typer.Option("--paused", help="Wait for clients to run or step it.")
+        bool, typer.Option("--paused", help="Start paused; clients run or step the system.")
     ] = False,
     until: Annotated[
         float | None,
@@ -56,6 +67,32 @@ def serve_command(
     http_port: Annotated[
         int | None, typer.Option(help="Port for browsers and curl; 0 for any, -1 for none.")
     ] = None,
+    ros2: Annotated[
+        str | None,
+        typer.Option(
+            autocompletion=of("humble", "jazzy", "kilted", "lyrical"),
+            help="Publish the signals as ROS 2 topics for this distribution's rmw_zenoh.",
+        ),
+    ] = None,
+    topics: Annotated[
+        Path | None, typer.Option(help="With --ros2: file of topics; default by the signals.")
+    ] = None,
+    ros2_port: Annotated[
+        int | None, typer.Option(help="Port of rmw_zenoh's router (7447).")
+    ] = None,
+    mavlink: Annotated[
+        str | None,
+        typer.Option(
+            metavar="ADDRESS",
+            help="Speak MAVLink like ArduSub: udpout:127.0.0.1:14550, tcpin:127.0.0.1:5760.",
+        ),
+    ] = None,
+    arm_real: Annotated[
+        bool, typer.Option("--arm-real", help="Send commands to a vehicle that is followed.")
+    ] = False,
+    unsigned: Annotated[
+        bool, typer.Option("--unsigned", help="Send these commands without a signature.")
+    ] = False,
     out: Annotated[
         Path | None,
         folder_option("Folder of the recording."),
@@ -68,14 +105,21 @@ def serve_command(
             autocompletion=replacements, help="component=source: .fmu, FILE.py:Class, keyboard"
         ),
     ] = None,
+    ardusub: Annotated[
+        str | None,
+        typer.Option(help="ArduSub's simulation binary; by default `ardusub` in the PATH."),
+    ] = None,
     map_: Annotated[
         list[str] | None, typer.Option("--map", help=f"{MAP}, or component=FILE.ssm.")
     ] = None,
     rate: Annotated[
         list[str] | None,
-        typer.Option(help="component=step: 0.02, or 20ms; its communication step."),
+        typer.Option(help="Communication step: component=0.02, or component=20ms."),
     ] = None,
-    set_: Annotated[list[str] | None, typer.Option("--set", help=f"{SET}; again for more.")] = None,
+    set_: Annotated[
+        list[str] | None, typer.Option("--set", help=f"{SET}; may be repeated.")
+    ] = None,
+    force: Force = False,
     loops: Annotated[
         str | None,
         typer.Option(
@@ -88,19 +132,23 @@ def serve_command(
         str,
         typer.Option(
             autocompletion=of("drop", "pause", "go-on"),
-            help="A client late or gone in lockstep: drop, pause or go-on.",
+            help="Reaction to a lockstep client that is late or gone: drop, pause or go-on.",
         ),
     ] = "drop",
     access: Annotated[
         Path | None,
-        typer.Option(help="YAML that says who may do what: see docs/connections/security.md."),
+        typer.Option(
+            help="Access file (YAML) with users and roles; see docs/connections/security.md."
+        ),
     ] = None,
     host: Annotated[
-        list[str] | None, typer.Option(help="Address to listen at; again for more. 0.0.0.0: all.")
+        list[str] | None, typer.Option(help="Address to listen at, 0.0.0.0: all; may be repeated.")
     ] = None,
     anyone: Annotated[
         bool,
-        typer.Option("--anyone", help="Without token and --access: everybody may do everything."),
+        typer.Option(
+            "--anyone", help="Serve without token and access file: everybody may do everything."
+        ),
     ] = False,
     no_code: Annotated[
         bool, typer.Option("--no-code", help="Clients may not replace components.")
@@ -109,7 +157,7 @@ def serve_command(
     """Serve a running system to clients on this machine, until Ctrl-C.
 
     Python: uuvsim_cosim.connect(). MATLAB and Octave: uuvsim.connect(). Clients need the server's
-    token, which programs of the same user find; --access lets others in, --anyone everybody.
+    token, which programs of the same user find. --access admits other users, --anyone everybody.
     """
     from uuvsim_cosim.bridge.access.transports import server_settings
     from uuvsim_cosim.bridge.http.keyboard import with_keyboards
@@ -122,7 +170,14 @@ def serve_command(
         raise InputInvalid(f"--until {until:g}: expected more than 0 seconds")
     if not 0.0 < real_time < float("inf"):
         raise InputInvalid(f"--real-time {real_time:g}: expected a factor of more than 0")
+    if ros2 is None and (topics is not None or ros2_port is not None):
+        raise InputInvalid("--topics or --ros2-port", "--ros2 DISTRIBUTION beside it")
     _raise_limit_of_files()
+    if mavlink is not None:
+        from uuvsim_cosim.bridge.mavlink.link import Address, dialect
+
+        dialect()
+        Address.of(mavlink, anyone=anyone)
     opened = server_settings(access, host or (), anyone=anyone)
     ports = (
         PORT if port is None else port,
@@ -139,14 +194,24 @@ def serve_command(
     served: System | str = system
     folder = None
     if is_recording(system):
-        others = {"fmu": fmu, "seed": seed, "out": out, "loops": loops}
+        others = {"fmu": fmu, "seed": seed, "out": out, "loops": loops, "vehicle": vehicle,
+                  "force": force}  # fmt: skip
         if given := [f"--{name}" for name, value in {**changes, **others}.items() if value]:
             raise InputInvalid(
-                system, "is a recording, which nothing can change", f"it without {', '.join(given)}"
+                system, "is a recording, which cannot be changed", f"it without {', '.join(given)}"
             )
     else:
-        with_keyboards(system, changes["replace"])
-        served = edited_system(system, None, changes, loops)
+        with_keyboards(lambda: named_system(system, vehicle), changes["replace"])
+        if (
+            arm_real
+            or unsigned
+            or any(text.startswith("mavlink:") for text in changes["replace"].values())
+        ):
+            from uuvsim_cosim.bridge.mavlink.follower import allow
+
+            for text in allow(arm_real=arm_real, unsigned=unsigned):
+                notice(text)
+        served = edited_system(system, None, changes, loops, None, vehicle, force, ardusub)
         if not no_record:
             folder = out if out is not None else Path("runs") / f"{served.name}-{seed}"
     conductor = Conductor(
@@ -169,7 +234,14 @@ def serve_command(
                 line(f"warning: {warning}")
             stack.callback(print_rest, conductor.warnings)
             stack.callback(conductor.close)
+            if mavlink is not None:
+                from uuvsim_cosim.bridge.mavlink.server import MavlinkServer
+
+                server = stack.enter_context(MavlinkServer(conductor, mavlink, anyone=anyone))
+                line(f"MAVLink {', '.join(server.addresses)}  QGroundControl, pymavlink, MAVSDK")
             _open_servers(stack, conductor, opened, *ports)
+            if ros2 is not None:
+                _open_node(stack, conductor, ros2, topics, ros2_port)
             _wait(conductor, real_time, paused, until)
     finally:
         signal.signal(signal.SIGTERM, before)
@@ -233,6 +305,25 @@ def _open_servers(
     put("endpoints", endpoints)
 
 
+def _open_node(
+    stack: ExitStack, conductor: Conductor, distribution: str, topics: Path | None, port: int | None
+) -> None:
+    from uuvsim_cosim.bridge.ros2.node import ROUTER_PORT, Ros2Node
+
+    node = stack.enter_context(
+        Ros2Node(conductor, distribution, topics=topics, port=ROUTER_PORT if port is None else port)
+    )
+    router = "router" if node.is_router else "client of the router"
+    line(
+        f"  ROS 2  {distribution}: node /{node.node.name}, domain {node.domain}, "
+        f"{len(node.topics)} topics, {router} at tcp/127.0.0.1:{node.port}; "
+        "every program on this machine can read them, without token"
+    )
+    for name in node.without_topic if topics is None else ():
+        line(f"  note: {name}: a text has no topic")
+    put("ros2", [{"topic": topic.name, "type": topic.type} for topic in node.topics])
+
+
 def _check_ports(hosts: Sequence[str], port: int, tcp: int, http: int) -> None:
     """Raise InputInvalid for ports in use, before anything is built or recorded."""
     import socket
@@ -245,7 +336,9 @@ def _check_ports(hosts: Sequence[str], port: int, tcp: int, http: int) -> None:
         if not 0 < number < 1 << 16:
             raise InputInvalid(f"{option} {number}: expected a port, 1 to 65535, or 0 for any")
         if number in options:
-            raise InputInvalid(f"{option} {number}", f"is {options[number]} as well", "another")
+            raise InputInvalid(
+                f"{option} {number}", f"is the port of {options[number]} as well", "another port"
+            )
         options[number] = option
         for host in hosts:
             with socket.socket(socket.AF_INET6 if ":" in host else socket.AF_INET) as trial:
@@ -266,7 +359,7 @@ def _wait(conductor: Conductor, factor: float, paused: bool, until: float | None
 
     reported = None
     try:
-        line("paused: clients run or step it; Ctrl-C ends it" if paused else
+        line("paused: clients run or step the system; Ctrl-C ends it" if paused else
              f"streams at {factor:g} times real time; Ctrl-C ends it")  # fmt: skip
         asked = None
         if not paused:

@@ -22,7 +22,8 @@ _FMU = {
 # Groups of options in the `--help` of commands that have many.
 GROUPS: dict[str, dict[str, tuple[str, ...]]] = {
     "run": {
-        _SYSTEM: ("--set", "--replace", "--map", "--loops", "--native", "--isolate", "--watchdog"),
+        _SYSTEM: ("--vehicle", "--set", "--replace", "--map", "--force", "--ardusub", "--loops",
+                  "--native", "--isolate", "--watchdog"),
         _TIME: ("--until", "--start", "--rate", "--real-time", "--overruns"),
         _INPUTS: ("--input", "--waypoints", "--origin", "--scenario", "--seed"),
         OUTPUT: ("--out", "--record-every", "--no-report", "--open", "--view", "--port",
@@ -30,9 +31,12 @@ GROUPS: dict[str, dict[str, tuple[str, ...]]] = {
         "One FMU": ("--step", "--interface"),
     },
     "serve": {
-        _SYSTEM: ("--set", "--replace", "--map", "--loops", "--fmu", "--seed"),
+        _SYSTEM: ("--vehicle", "--set", "--replace", "--map", "--force", "--ardusub", "--loops",
+                  "--fmu", "--seed"),
         _TIME: ("--real-time", "--paused", "--until", "--rate", "--fail-safe"),
         _CONNECTIONS: ("--host", "--port", "--tcp-port", "--http-port"),
+        "ROS 2": ("--ros2", "--topics", "--ros2-port"),
+        "MAVLink": ("--mavlink", "--arm-real", "--unsigned"),
         "Access": ("--access", "--anyone", "--no-code"),
         OUTPUT: ("--out", "--no-record"),
     },
@@ -78,11 +82,17 @@ EXAMPLES: dict[str, tuple[str, ...]] = {
     ),
     "run": (
         "run bluerov2_survey --until '2 min'",
+        "run hold --vehicle rexrov --until 60",
         "run bluerov2_survey --replace controller=my_controller.fmu --set controller.gain=2",
         "run bluerov2_survey --waypoints plan.csv --seed 7 --json",
         "run bluerov2_hold --input currents.csv",
         "run bluerov2_hold --input +controller.tau_d[1]:prbs,amplitude=5,hold=0.5,at=10,until=60",
         "run my_controller.fmu --input inputs.csv --until 10 -o outputs.csv",
+    ),
+    "cite": (
+        "cite bluerov2_survey -o sources.bib",
+        "cite bluerov2_heavy@wu_2018",
+        "cite runs/bluerov2_survey-0",
     ),
     "compare": (
         "compare runs/bluerov2_survey-0 runs/bluerov2_survey-0-2",
@@ -91,6 +101,7 @@ EXAMPLES: dict[str, tuple[str, ...]] = {
     "serve": (
         "serve bluerov2_hold",
         "serve bluerov2_hold --paused --no-record",
+        "serve bluerov2_hold --replace pilot=keyboard --mavlink udpout:127.0.0.1:14550",
         "serve runs/bluerov2_survey-0",
     ),
     "view": ("view", "view runs/bluerov2_survey-0 --port 8090"),
@@ -105,12 +116,18 @@ EXAMPLES: dict[str, tuple[str, ...]] = {
         "terrain survey.tif --around 47.27,-122.55 --size 3x5 -o my_scene",
     ),
     "study": ("study docs/examples/hold_in_current.yaml", "study study.yaml --jobs 4 -o results"),
+    "analyse": (
+        "analyse bluerov2_hold --break controller.tau_d",
+        "analyse bluerov2_hold --break controller.tau_d[3] --replace controller=lqr --out depth",
+    ),
     "identify": ("identify dive.csv --system model:my_rov --parameters D_q_11,M_A_11",),
     "systems": ("systems", "systems show bluerov2_survey -o survey.svg"),
     "systems show": (
         "systems show bluerov2_survey -o survey.svg",
         "systems show bluerov2_hold --plan",
     ),
+    "systems missions": ("systems missions", "systems missions bluerov2 my_rov --until 60"),
+    "systems new": ("systems new my_rov", "systems new heavy --vehicle bluerov2_heavy"),
     "systems slot": ("systems slot bluerov2_survey controller",),
     "models": ("models", "models show remus100"),
     "models show": ("models show remus100", "models show imu@stim300"),
@@ -119,6 +136,8 @@ EXAMPLES: dict[str, tuple[str, ...]] = {
         "models check remus100 --source prestero",
         "models check bluerov2_heavy@wu_2018 --against trajectory.csv --tolerance 1e-6",
     ),
+    "models picture": ("models picture", "models picture remus100 my_rov -o both.svg"),
+    "models speeds": ("models speeds", "models speeds bluerov2_heavy --voltage 14.8"),
     "models new": ("models new my_rov --shape box",),
     "models import": ("models import hull.stl --mass 11.5 -o my_rov",),
     "fmu": ("fmu build thruster --fmi 2", "fmu check my_controller.fmu"),
@@ -128,7 +147,8 @@ EXAMPLES: dict[str, tuple[str, ...]] = {
     "fmu system": ("fmu system bluerov2_hold -o .",),
     "fmu client": ("fmu client bluerov2_hold -o .",),
     "pack": ("pack bluerov2_survey -o survey.ssp",),
-    "new": ("new controller", "new controller --as c"),
+    "new": ("new controller", "new controller --as c", "new --workspace my_project"),
+    "lint": ("lint", "lint my_study.yaml", "lint my_project --json"),
     "envs": ("envs",),
     "train": ("train source --algo sac --seed 1", "train source --algo sac --seeds 8"),
     "train-offline": ("train-offline s.npz --algo dt -o dt",),

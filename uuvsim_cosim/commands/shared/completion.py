@@ -18,7 +18,7 @@ from uuvsim_cosim.errors import UuvsimError
 
 __all__ = [
     "components", "models", "of", "offered", "policies", "replacements",
-    "systems", "systems_and_models", "tasks", "whole_words",
+    "systems", "systems_and_models", "tasks", "vehicles", "whole_words",
 ]  # fmt: skip
 
 Complete = Callable[[str], list[str]]
@@ -81,6 +81,12 @@ def _system_or_model_names(incomplete: str) -> list[str]:
     return [f"model:{name}" for name in _model_names(incomplete.removeprefix("model:"))]
 
 
+def _vehicle_names(_: str) -> list[str]:
+    from uuvsim_cosim.models.declaration.parameter_files import vehicle_ids
+
+    return vehicle_ids()
+
+
 def _task_names(_: str) -> list[str]:
     from uuvsim_cosim.learn.shared.task_ids import TASKS
 
@@ -91,6 +97,7 @@ systems = offered(_system_names, ".ssd", ".ssp", ".fmu", ".xml")
 systems_and_models = offered(_system_or_model_names, ".ssd", ".ssp")
 models = offered(_model_names)
 tasks = offered(_task_names)
+vehicles = offered(_vehicle_names)
 policies = offered(lambda _: ("scripted", "random"), ".npz")
 
 

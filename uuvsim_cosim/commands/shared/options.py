@@ -31,7 +31,7 @@ __all__ = [
     "value_of",
 ]
 
-RAY = "A Ray cluster: HOST:PORT, ray://HOST:PORT, auto or local."
+RAY = "Ray cluster: HOST:PORT, ray://HOST:PORT, auto or local."
 _OF_FILES = """
     avi bag csv db3 doc docx fmu gif h5 hdf5 htm html jpeg jpg json laz mat mcap md mkv mov mp4 npy
     npz onnx parquet pdf png pt pth py rrd ssd ssp svg tif tiff toml txt webm xls xlsx xml yaml yml
@@ -50,16 +50,19 @@ def folder_option(help: str) -> Any:
     return typer.Option("--out", "-o", callback=checked, help=help)
 
 
-def expect_folder(out: Path, *files: str) -> None:
-    """Raise InputInvalid for a file or a name like ``run.csv``; endings in `files` are allowed."""
+def expect_folder(out: Path, *files: str, option: str = "--out") -> None:
+    """Raise InputInvalid for a file or a name like ``run.csv``; endings in `files` are allowed.
+
+    `option` is the name of the option for the message.
+    """
     ending = out.suffix.lower()
     if ending in files or out.is_dir():
         return
     wanted = ", ".join([*files, "or the name of a folder" if files else "the name of a folder"])
     if out.exists():
-        raise InputInvalid(f"--out {out}: is a file", wanted)
+        raise InputInvalid(f"{option} {out}: is a file", wanted)
     if ending[1:] in _OF_FILES:
-        raise InputInvalid(f"--out {out}: ending {out.suffix!r} was read", wanted)
+        raise InputInvalid(f"{option} {out}: ending {out.suffix!r} was read", wanted)
 
 
 def seconds(option: str) -> Callable[[str], float]:

@@ -87,5 +87,5 @@ class StudyProgress(PhaseProgress):
     def words(self, phase: str, done: float, total: float, elapsed: float) -> tuple[str, str]:
         """Count what is finished."""
         if phase == "building":
-            return "building, once", ""
+            return "building (once)", ""
         return phase, f"{done:.0f} of {total:.0f} {self._counted}"

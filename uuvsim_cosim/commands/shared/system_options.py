@@ -1,35 +1,64 @@
-"""Options that change a system before it runs: `--replace`, `--map`, `--rate`, `--set`."""
+"""Options that make or change a system before it runs, as `--vehicle`, `--replace` or `--set`."""
 
 from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
+import typer
+
+from uuvsim_cosim.commands.shared.completion import vehicles
 from uuvsim_cosim.commands.shared.options import by_component, value_of
 from uuvsim_cosim.errors import InputInvalid
 
 if TYPE_CHECKING:
     from uuvsim_cosim.orchestrator.system.system import System
 
-__all__ = ["MAP", "SET", "edited_system"]
+__all__ = ["MAP", "SET", "Force", "VehicleOfMission", "edited_system", "named_system"]
 
 SET = "component.parameter=value"
-MAP = "component.variable=its_name_there"
+MAP = "component.variable=name_in_source"
+MISSIONS = ("hold", "survey")  # of `system_of`
+
+VehicleOfMission = Annotated[
+    str | None,
+    typer.Option(
+        "--vehicle",
+        autocompletion=vehicles,
+        help="Vehicle that flies the mission SYSTEM, hold or survey: id, id@set or folder.",
+    ),
+]
+Force = Annotated[
+    bool,
+    typer.Option("--force", help="Run parts that are made for another vehicle; each is a warning."),
+]
 
 
 def edited_system(
     name: str, waypoints: Path | None, changes: dict[str, dict[str, str]],
-    loops: str | None = None, origin: str | None = None,
+    loops: str | None = None, origin: str | None = None, vehicle: str | None = None,
+    force: bool = False, ardusub: str | None = None,
 ) -> System:  # fmt: skip
-    """Load the system and apply the swaps, then rates, values, waypoints and the loop policy."""
-    from uuvsim_cosim.orchestrator.running.library import load
+    """Load the system and apply the swaps, then rates, values, waypoints and the policies.
+
+    With a `vehicle`, `name` is a mission, and the system is made for both. `ardusub` is the path of
+    ArduSub's binary.
+    """
+    from uuvsim_cosim.commands.shared.waypoints import load_waypoints, origin_of
     from uuvsim_cosim.orchestrator.running.mission import with_waypoints
-    from uuvsim_cosim.waypoints import load_waypoints, origin_of
+    from uuvsim_cosim.orchestrator.shipped.autopilot import (
+        ARDUSUB,
+        is_ardusub,
+        with_autopilot,
+        with_binary,
+    )
 
     place = None if origin is None else origin_of(origin)
     flown = None if waypoints is None else load_waypoints(waypoints, place)
-    system = load(name)
+    system = named_system(name, vehicle)
+    if force:
+        system = system.with_mismatches("warn")
     if loops is not None:
         system = system.with_loops(loops)  # type: ignore[arg-type]  # refused if there is none
     rates, swaps = changes["rate"], changes["replace"]
@@ -38,13 +67,19 @@ def edited_system(
     for component in {**files, **maps}:
         if component not in swaps:
             raise InputInvalid(
-                f"--map {component}: nothing is put there", f"--replace {component}=SOURCE"
+                f"--map {component}: the component is not replaced", f"--replace {component}=SOURCE"
             )
     for component, source in swaps.items():
+        if is_ardusub(source):
+            full = source if ":" in source else ARDUSUB
+            system = with_autopilot(system, component, full)
+            continue
         # A file on the command line is relative to the current folder, not to the system's.
         mapping = Path(files[component]) if component in files else maps.get(component)
         system = system.replace(component, _from_here(source), map=mapping,
                                 rate=rates.get(component))  # fmt: skip
+    if ardusub is not None:
+        system = with_binary(system, ardusub)
     for component, step in rates.items():
         if component not in swaps:
             element = system.components.get(component)
@@ -58,13 +93,33 @@ def edited_system(
         for wire in system.checked.wires:
             if path.partition("[")[0] == f"{wire.target.element}.{wire.target.variable.name}":
                 raise InputInvalid(  # the connection would overwrite it at once
-                    f"--set {path}: is fed by {wire.connection.source}",
+                    f"--set {path}: is connected to {wire.connection.source}",
                     "a parameter, or an input that nothing is connected to",
                 )
     if flown is None:
         return system
     system = with_waypoints(system, flown.points)
     return replace(system, remarks=(*system.remarks, *flown.notes))
+
+
+def named_system(name: str, vehicle: str | None) -> System:
+    """Return a system by its name or file, or with a `vehicle`, that vehicle's mission `name`."""
+    if vehicle is None:
+        if name in MISSIONS:
+            raise InputInvalid(
+                name, "a mission, which every vehicle can fly", f"{name} --vehicle VEHICLE"
+            )
+        from uuvsim_cosim.orchestrator.running.library import load
+
+        return load(name)
+    from uuvsim_cosim.orchestrator.shipped.of_vehicle import system_of
+
+    if name not in MISSIONS:
+        raise InputInvalid(
+            f"--vehicle {vehicle}: {name} is no mission",
+            f"{' or '.join(MISSIONS)}, as in hold --vehicle {vehicle}",
+        )
+    return system_of(vehicle, name)  # type: ignore[arg-type]  # it is one of MISSIONS
 
 
 def _from_here(source: str) -> str:

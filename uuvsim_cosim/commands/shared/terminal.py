@@ -9,6 +9,7 @@ import os
 import sys
 from collections.abc import Iterable, Sequence
 from pathlib import Path
+from shlex import quote
 from shutil import get_terminal_size
 from typing import Literal
 
@@ -23,6 +24,7 @@ __all__ = [
     "console",
     "file_line",
     "file_table",
+    "for_shell",
     "line",
     "notice",
     "number",
@@ -38,9 +40,14 @@ _REMARKS = {"assumed": "assumed", "warning": "warnings", "note": "notes", "known
 
 
 def console(*, stderr: bool = False) -> Console:
-    """Return a console; wide when its output goes into a file or a pipe, so that nothing wraps."""
+    """Return a console; wide when its output goes into a file or a pipe, so that nothing wraps.
+
+    A notebook's kernel runs commands in a terminal of 80 columns and asks for colours.
+    """
     if answer().mode == "quiet":
         return Console(stderr=stderr, quiet=True)
+    if "JPY_PARENT_PID" in os.environ:  # `!uuvsim …` in a notebook, which cannot redraw a bar
+        return Console(stderr=stderr, highlight=False, force_terminal=False, width=88)
     found = Console(stderr=stderr, highlight=False)
     if not found.is_terminal:
         return Console(stderr=stderr, highlight=False, width=160)
@@ -131,8 +138,7 @@ def table(head: Sequence[str], rows: Iterable[Sequence[object]], *, key: str = "
     target = console()
     with target.capture() as drawn:
         target.print(grid)
-    for text in drawn.get().splitlines():
-        target.out(text.rstrip(), highlight=False)
+    target.out("\n".join(text.rstrip() for text in drawn.get().splitlines()), highlight=False)
 
 
 def tilde(path: str | Path) -> str:
@@ -144,6 +150,12 @@ def tilde(path: str | Path) -> str:
         if base is not None and path.is_relative_to(base) and base != Path("/"):
             return prefix + str(path.relative_to(base))
     return str(path)
+
+
+def for_shell(path: str | Path) -> str:
+    """Return a path as `tilde` does, quoted where a shell needs it; ~ stays outside the quotes."""
+    text = tilde(path)
+    return f"~/{quote(text[2:])}" if text.startswith("~/") else quote(text)
 
 
 def size_of(path: Path) -> str:

@@ -33,50 +33,59 @@ _SHOWN = 3
 
 def identify_command(
     recording: Annotated[
-        Path, typer.Argument(help="Folder of a run, .parquet, .mcap, .csv, ArduSub's .BIN, .tlog.")
+        Path,
+        typer.Argument(
+            help="Recording: folder of a run, .parquet, .mcap, .csv, or ArduSub's .BIN or .tlog."
+        ),
     ],
     system: Annotated[
         str,
         typer.Option(
             "--system",
             autocompletion=systems_and_models,
-            help="A system by name or file, or a hull, model:bluerov2.",
+            help="System by name or file, or a hull such as model:bluerov2.",
         ),
     ],
     parameters: Annotated[
         str,
         typer.Option(
-            "--parameters", "-p", help="D_q_11,M_A_11,thruster_*.K_n: separated by commas."
+            "--parameters",
+            "-p",
+            help="Parameters to fit, separated by commas: D_q_11,M_A_11,thruster_*.K_n.",
         ),
     ],
     replace: Annotated[
         list[str] | None,
         typer.Option(
-            "--replace", autocompletion=replacements, help="component=source; again for more."
+            "--replace", autocompletion=replacements, help="component=source; may be repeated."
         ),
     ] = None,
     set_: Annotated[
         list[str] | None,
-        typer.Option("--set", help="component.parameter=value, where a fit begins."),
+        typer.Option(
+            "--set", help="component.parameter=value; of a fitted parameter: its start value."
+        ),
     ] = None,
     map_: Annotated[
         list[str] | None, typer.Option("--map", help="component.variable=signal of the recording.")
     ] = None,
     hull: Annotated[
-        str | None, typer.Option("--hull", help="Path of the hull, if several.")
+        str | None, typer.Option("--hull", help="Path of the hull, if the system has several.")
     ] = None,
     first: Annotated[
         float,
         typer.Option(
             "--from",
-            help="Time to begin at: seconds, or '2 min'.",
+            help="Start time in the recording: seconds, or '2 min'.",
             parser=seconds("--from"),
             metavar="TIME",
         ),
     ] = 0.0,
     last: Annotated[
         float | None,
-        typer.Option("--to", help="Time to end at.", parser=seconds("--to"), metavar="TIME"),
+        typer.Option(
+            "--to", help="End time in the recording.", parser=seconds("--to"), metavar="TIME"
+        ),
     ] = None,
     step: Annotated[
         float | None,
@@ -88,24 +97,25 @@ def identify_command(
         ),
     ] = None,
     save_as: Annotated[
-        str | None, typer.Option("--save-as", help="Name of a new set, or FOLDER@NAME for a copy.")
+        str | None,
+        typer.Option("--save-as", help="Name of a new parameter set, or FOLDER@NAME for a copy."),
     ] = None,
     manoeuvre: Annotated[
         Path | None, typer.Option("--manoeuvre", help="CSV to write: force of the best manoeuvre.")
     ] = None,
     no_proposals: Annotated[
-        bool, typer.Option("--no-proposals", help="Do not look for a manoeuvre that tells more.")
+        bool, typer.Option("--no-proposals", help="Do not search for a more informative manoeuvre.")
     ] = False,
 ) -> None:
-    """Fit parameters to a recording, and say what the recording cannot tell.
+    """Fit parameters to a recording, and list those that it does not determine.
 
-    Multiple shooting on the declared equations; 95 % intervals; a manoeuvre that would tell more.
+    Multiple shooting on the declared equations, 95 % intervals, and a more informative manoeuvre.
     """
     from uuvsim_cosim.studies.identification.identify import identify, system_of
     from uuvsim_cosim.studies.identification.save import save_as as save
 
     if manoeuvre is not None and no_proposals:
-        raise InputInvalid("--manoeuvre: together with --no-proposals there is none to write")
+        raise InputInvalid("--manoeuvre: with --no-proposals there is no manoeuvre to write")
     edited = system_of(system)
     sources = assignments("--replace", replace or [], "component=source", dotted=False)
     for pattern, source in sources.items():
@@ -129,7 +139,7 @@ def identify_command(
     if manoeuvre is not None:
         if not found.proposals:
             raise InputInvalid(
-                "--manoeuvre: nothing pushes in what is identified; none can be flown"
+                "--manoeuvre: nothing pushes for each identified component; none can be flown"
             )
         p = found.proposals[0]
         rows = [

@@ -32,23 +32,26 @@ MOST_POINTS = 24
 
 def study_command(
     file: Annotated[
-        Path, typer.Argument(help="A study: system, parameters, seeds, metrics; YAML.")
+        Path, typer.Argument(help="Study file (YAML): system, parameters, seeds, metrics.")
     ],
-    out: Annotated[Path | None, folder_option("Folder to write, or to go on with.")] = None,
+    out: Annotated[Path | None, folder_option("Folder to write, or to continue.")] = None,
     jobs: Annotated[
-        int | None, typer.Option("--jobs", "-j", help="Threads or processes; as many as cores.")
+        int | None,
+        typer.Option(
+            "--jobs", "-j", help="Number of threads or processes; default: number of cores."
+        ),
     ] = None,
     restart: Annotated[
-        bool, typer.Option("--restart", help="Begin anew in a folder that another study began.")
+        bool, typer.Option("--restart", help="Start again in a folder that holds another study.")
     ] = False,
     master: Annotated[
-        bool, typer.Option("--master", help="Run by masters even where a kernel could.")
+        bool, typer.Option("--master", help="Use masters even if a kernel can run the study.")
     ] = False,
     loops: Annotated[
         str | None,
         typer.Option(
             autocompletion=of("iterate", "refuse", "delay"),
-            help="Algebraic loops: iterate, refuse or delay; instead of the file's.",
+            help="Algebraic loops: iterate, refuse or delay; overrides the file.",
         ),
     ] = None,
     ray: Annotated[
@@ -58,9 +61,9 @@ def study_command(
     no_report: Annotated[bool, typer.Option("--no-report", help="Write no report.html.")] = False,
     open_: Annotated[bool, typer.Option("--open", help="Open the report in a browser.")] = False,
 ) -> None:
-    """Run a study: one row a run in runs.parquet, intervals and pictures in report.html.
+    """Run a study: one row per run in runs.parquet, intervals and pictures in report.html.
 
-    A study that was interrupted goes on where it was.
+    An interrupted study continues with the same command.
     """
     if not file.is_file():
         raise InputInvalid(file, "no such file", "a study file (.yaml)")
@@ -84,7 +87,7 @@ def study_command(
                 report = write_study_report(done.folder)
         except KeyboardInterrupt as interrupted:
             progress.close()
-            notice(str(interrupted) or "interrupted; the same command goes on from there")
+            notice(str(interrupted) or "interrupted; repeat the command to continue")
             raise typer.Exit(termination.status) from None
     _show(done, report)
     if open_ and report is not None:
@@ -95,7 +98,7 @@ def _show(done: StudyResult, report: Path | None) -> None:
     line()
     by = {"kernel": "by a fused kernel", "master": "by masters"}.get(done.backend, "")
     counts = [f"{done.runs} runs {by}".rstrip(), f"{done.wall_time:.2f} s"]
-    counts += [f"{done.resumed} were there"] if done.resumed else []
+    counts += [f"{done.resumed} from before"] if done.resumed else []
     counts += [f"{done.failed} failed"] if done.failed else []
     line(f"{done.name}: {', '.join(counts)}")
     axes = list(done.intervals[0]["at"]) if done.intervals else []

@@ -1,4 +1,4 @@
-"""A suite that checks what an environment promises, for anybody's environments.
+"""Suite that checks the promises of environments, also of those of other packages.
 
 It may import every other part of `envs`. Start reading with `suite.py`.
 """

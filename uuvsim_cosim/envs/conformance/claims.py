@@ -139,7 +139,7 @@ def seed_reaches_observations(subject: Subject) -> str:
         drawn = difference(first, _beginning(subject, env, None)) is not None
     if all(equal) and not drawn:
         raise NotApplicable("nothing is drawn: episodes of two seeds are the same")
-    raise Violation("two seeds give the same observations; expected that each gives others")
+    raise Violation("two seeds give the same observations; expected different ones")
 
 
 def noise_follows_seed(subject: Subject) -> str:

@@ -155,14 +155,19 @@ def examine(env: object, *, claims: Sequence[str] | None = None, **options: Any)
 
 
 def check(env: object, **options: Any) -> Report:
-    """Examine an environment; raises ConformanceFailed, with every failure, if a claim fails.
+    """Examine an environment; raise ConformanceFailed, with every failure, if a claim fails.
 
     `env` is an id registered with Gymnasium, "module:function", or a function without arguments
-    that gives a new gymnasium.Env, gymnasium.vector.VectorEnv or pettingzoo.ParallelEnv. Options:
-    `vector` (n → VectorEnv), `single` (what a vector is made of), `failing` (makes one in which
-    something fails), `start` (options of a reset that fix the start), `time` (env → s),
-    `action_step` [s], `time_limit` [steps], `steps`, `seed`, `num_envs`, `claims` (names; all by
-    default), `strict` (advice on spaces counts).
+    that returns a new gymnasium.Env, gymnasium.vector.VectorEnv or pettingzoo.ParallelEnv. Options:
+
+    - `vector` makes a VectorEnv of n environments, `single` one environment of a vector, and
+      `failing` an environment in which a component fails;
+    - `start` are options of a reset that fix the start;
+    - `time` returns the time of an environment [s]; `action_step` [s] and `time_limit` [steps] are
+      those of an episode;
+    - `steps`, `seed` and `num_envs` are those of the examination;
+    - `claims` are the names of the claims to check, by default all; with `strict`, advice on spaces
+      counts as a failure.
     """
     report = examine(env, **options)
     if report.failures:

@@ -26,7 +26,7 @@ class Environment(Generic[S]):
     _closed = ("the environment is closed", "a new one")
 
     def close(self) -> None:
-        """Free everything; a second call does nothing."""
+        """End the simulation and free its memory; a second call does nothing."""
         self._screen.close()
         simulation, self._simulation = self._simulation, None
         if simulation is not None:
@@ -63,7 +63,16 @@ class LimitedSpec:
 
     @property
     def spec(self) -> EnvSpec | None:
-        """The spec of gymnasium.make, with the number of steps of an episode."""
+        """The spec of `gymnasium.make`, with the number of steps of an episode, or None.
+
+        Example:
+
+        >>> import gymnasium
+        >>> import uuvsim_cosim.envs
+        >>> env = gymnasium.make("uuvsim/StationKeeping-v0")
+        >>> env.unwrapped.spec.max_episode_steps  # 20 s of actions that take 0.1 s
+        200
+        """
         return self._spec
 
     @spec.setter

@@ -15,6 +15,7 @@ from uuvsim_cosim.envs.episodes.spaces import ActionBox
 from uuvsim_cosim.envs.pictures.screen import hulls
 from uuvsim_cosim.envs.plants.choice import PlantOptions
 from uuvsim_cosim.envs.task.checks import check_failure_reward, infos_of, refuse_infinite
+from uuvsim_cosim.envs.task.expressions import Given
 from uuvsim_cosim.envs.task.signals import Instant, Signals
 from uuvsim_cosim.envs.task.task import Array, Mask, TeamTask
 from uuvsim_cosim.errors import InputInvalid, Problem
@@ -73,6 +74,7 @@ class TeamSimulation:
             *check_failure_reward(task.failure_reward),
         ]
         self.episodes = Episodes(task, n, signals, self.boxes, problems, **options)
+        self._given = Given(task)
         self._gone = np.zeros((n, len(self.agents)), bool)
         self._now: TeamMoment | None = None
 
@@ -134,12 +136,12 @@ class TeamSimulation:
         m = self.episodes.step(checked)
         failed, over = self.episodes.failed[:, None], self.episodes.over[:, None]
         here = self._by_agent(self.task.present(m), "present()", np.bool_)
-        terminated = self._by_agent(self.task.terminated(m), "terminated()", np.bool_)
+        terminated = self._by_agent(self._given("terminated", m), "terminated()", np.bool_)
         terminated = acting & (terminated | failed)
         truncated = acting & (over | ~here) & ~terminated
         come = here & ~acting & ~self._gone & ~failed & ~over
         self._gone |= terminated | truncated
-        reward = self._by_agent(self.task.reward(m), "reward()", np.float64)
+        reward = self._by_agent(self._given("reward", m), "reward()", np.float64)
         acted = np.where(acting, self.episodes.rewarded(reward.T).T, 0.0)
         for j, agent in enumerate(self.agents):
             refuse_infinite(acted[:, j], f"{self.place}: reward(), {agent!r},")
@@ -157,7 +159,7 @@ class TeamSimulation:
 
     def info(self, m: Instant) -> Mapping[str, NDArray[np.generic]]:
         """Return the task's infos, of shape (n, …)."""
-        return infos_of(self.task.info(m), m.n, self.place)
+        return infos_of(self._given("info", m), m.n, self.place)
 
     def state(self) -> NDArray[np.float32]:
         """Return the state for a central critic, of shape (n, width)."""
@@ -166,7 +168,7 @@ class TeamSimulation:
     # ---- inside ---------------------------------------------------------------------------
 
     def _observe(self, m: Instant) -> dict[str, NDArray[np.float32]]:
-        given = self.task.observe(m)
+        given = self._given("observe", m)
         self._check_agents(given, "observe()")
         return {a: self._clipped(given[a], self.spaces[a], f"observe(), {a!r}")
                 for a in self.agents}  # fmt: skip

@@ -18,6 +18,7 @@ from uuvsim_cosim.envs.task.checks import (
     refuse_infinite,
     rewards_of,
 )
+from uuvsim_cosim.envs.task.expressions import Given
 from uuvsim_cosim.envs.task.signals import Instant, Signals
 from uuvsim_cosim.envs.task.task import Array, Task
 from uuvsim_cosim.errors import InputInvalid
@@ -60,6 +61,7 @@ class TaskSimulation:
         ]
         boxes = {AGENT: self.action_box}
         self.episodes = Episodes(task, n, signals, boxes, problems, **options)
+        self._given = Given(task)
 
     def act(
         self, actions: object, again: NDArray[np.bool_] | None = None, *, alone: bool = False
@@ -74,7 +76,7 @@ class TaskSimulation:
 
     def observe(self, m: Instant) -> NDArray[np.float32]:
         """Return the observations, of shape (n, width)."""
-        extra = self.task.extra(m) if self.observation_box.n_extra else None
+        extra = self._given("extra", m) if self.observation_box.n_extra else None
         try:
             return self.observation_box.of(m.values, extra, self.episodes.stillborn)
         except InputInvalid as error:
@@ -82,14 +84,14 @@ class TaskSimulation:
 
     def reward(self, m: Instant) -> Array:
         """Return the rewards, of shape (n,); the task's `failure_reward` after a failure."""
-        reward = rewards_of(self.task.reward(m), m.n, f"{self.place}: reward()")
+        reward = rewards_of(self._given("reward", m), m.n, f"{self.place}: reward()")
         reward = self.episodes.rewarded(reward)
         refuse_infinite(reward, f"{self.place}: reward()")
         return reward
 
     def terminated(self, m: Instant) -> NDArray[np.bool_]:
         """Return which episodes have terminated, by the task or by a failure."""
-        ended = np.asarray(self.task.terminated(m))
+        ended = np.asarray(self._given("terminated", m))
         if ended.shape != (m.n,) or ended.dtype != bool:
             raise InputInvalid(
                 self.place,
@@ -100,4 +102,4 @@ class TaskSimulation:
 
     def info(self, m: Instant) -> Mapping[str, NDArray[np.generic]]:
         """Return the task's infos, of shape (n, …)."""
-        return infos_of(self.task.info(m), m.n, self.place)
+        return infos_of(self._given("info", m), m.n, self.place)

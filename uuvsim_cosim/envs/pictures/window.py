@@ -1,4 +1,4 @@
-"""A window for render_mode "human": shows frames at their pace, and may be closed at any time."""
+"""Window for render_mode "human": it shows frames in time, and may be closed at any time."""
 
 from __future__ import annotations
 

@@ -7,10 +7,10 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Literal, TypedDict
 
-from uuvsim_cosim.envs.plants.memory_limit import LEAST_MASTER, refuse_beyond
 from uuvsim_cosim.envs.plants.plant import Plant
 from uuvsim_cosim.envs.task.checks import whole
 from uuvsim_cosim.errors import InputInvalid, SystemInvalid
+from uuvsim_cosim.fmus.resources import refuse_beyond
 from uuvsim_cosim.kernels import Kernel, fuse
 from uuvsim_cosim.orchestrator.master.prepared import prepare
 from uuvsim_cosim.orchestrator.plan.flatten import flatten
@@ -36,6 +36,7 @@ class PlantOptions(TypedDict, total=False):
 
 _kernels: list[tuple[System, int, str, Kernel]] = []  # the last few, so that each is made once
 _KEPT = 8
+_LEAST_MASTER = 2048  # bytes of a component in a master; most take more
 _SIGNALS = 64  # bytes of a number that is read or acted on: several arrays hold it
 _logged: set[str] = set()  # warnings of plans, which are logged once
 
@@ -85,7 +86,7 @@ def plant_of(
             refuse_beyond(n, cells + _SIGNALS * (len(reads) + len(acts)), least=True)
             return KernelPlant(kernel, n, reads=reads, acts=acts, threads=threads)
     plan = flatten(system)
-    refuse_beyond(n, LEAST_MASTER * len(plan.components), least=True)
+    refuse_beyond(n, _LEAST_MASTER * len(plan.components), least=True)
     plan = log_warnings_once(plan)
     if n > 1 and processes != 0:
         from uuvsim_cosim.envs.plants.process_plant import ProcessPlant

@@ -42,14 +42,14 @@ class KernelPlant:
         # them must set them back.
         self._given: dict[str, Array] = {}
         self._kernel = kernel
-        self._cells = self._batch.cells
+        self._cells = self._batch.free_cells
         self._out = np.array([c for name in reads for c in self._places(name)], np.intp)
         self._in = np.array([self._places(name)[i] for name, i in acts], np.intp)
         self._runs = _runs(self._out)
         self._width = self._cells.shape[2]
 
     def gather(self) -> Array:
-        """Copy what is read: of shape (size, n)."""
+        """Copy the variables that are read, of shape (size, n)."""
         cells = self._cells
         if len(cells) == 1:
             rows = cells[0].take(self._out, axis=0)
@@ -62,7 +62,7 @@ class KernelPlant:
         return rows.reshape(len(self._out), -1)[:, : self.n]
 
     def scatter(self, values: Array) -> None:
-        """Set what is acted on: of shape (width, n)."""
+        """Set the inputs that are acted on, of shape (width, n)."""
         cells = self._cells
         if len(cells) == 1:
             cells[0, self._in, : self.n] = values

@@ -8,12 +8,12 @@ from typing import final
 import numpy as np
 from numpy.typing import NDArray
 
-from uuvsim_cosim.envs.plants.memory_limit import refuse_beyond, resident
 from uuvsim_cosim.envs.plants.plant import Seeds
 from uuvsim_cosim.envs.task.signals import variables_of
 from uuvsim_cosim.errors import ComponentFailed, InputInvalid, UuvsimError
 from uuvsim_cosim.fmus.codegen.native import Native
 from uuvsim_cosim.fmus.component import Component
+from uuvsim_cosim.fmus.resources import refuse_beyond, resident
 from uuvsim_cosim.orchestrator.master.master import Master
 from uuvsim_cosim.orchestrator.plan.plan import Plan, PlannedComponent
 
@@ -63,13 +63,13 @@ class MasterPlant:
             raise
 
     def gather(self) -> Array:
-        """Copy what is read: of shape (size, n)."""
+        """Copy the variables that are read, of shape (size, n)."""
         if self.n == 1:
             return self._rows[0].gather()[:, None]
         return np.stack([row.gather() for row in self._rows], axis=1)
 
     def scatter(self, values: Array) -> None:
-        """Set what is acted on: of shape (width, n)."""
+        """Set the inputs that are acted on, of shape (width, n)."""
         for row, column in zip(self._rows, values.T, strict=True):
             row.scatter(column)
 
@@ -149,7 +149,7 @@ class MasterPlant:
 
 
 class _Row:
-    """One master, with the places of what is read and acted on in its loop's slots."""
+    """One master, with the slots of the variables that are read and acted on."""
 
     def __init__(
         self, master: Master, reads: Sequence[tuple[str, str]], acts: Sequence[tuple[str, int]]

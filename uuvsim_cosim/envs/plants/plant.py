@@ -29,10 +29,10 @@ class Plant(Protocol):
     variables: Mapping[str, Variable]  # by path and name, "hull.eta"
 
     def gather(self) -> NDArray[np.float64]:
-        """Copy what the plant was made to read, variable below variable: of shape (size, n)."""
+        """Copy the variables that the plant was made to read, one below the other: (size, n)."""
 
     def scatter(self, values: NDArray[np.float64]) -> None:
-        """Set what the plant was made to act on, element below element: of shape (width, n)."""
+        """Set the inputs that the plant was made to act on, one below the other: (width, n)."""
 
     def step(self, ticks: int) -> None:
         """Make communication steps in all copies."""

@@ -71,12 +71,12 @@ class ProcessPlant:
             raise
 
     def gather(self) -> Array:
-        """Copy what is read: of shape (size, n)."""
+        """Copy the variables that are read, of shape (size, n)."""
         self._live()
         return self._memory.signals.copy()
 
     def scatter(self, values: Array) -> None:
-        """Set what is acted on: of shape (width, n)."""
+        """Set the inputs that are acted on, of shape (width, n)."""
         self._live()
         self._memory.actions[...] = values
         self._acted = True

@@ -1,4 +1,4 @@
-"""A worker process as its plant sees it: numbered requests and answers, and shared memory."""
+"""Parent's side of a worker process: numbered requests and answers, and shared memory."""
 
 from __future__ import annotations
 

@@ -28,20 +28,20 @@ Numbers = float | Sequence[float]  # one for all elements of a vector, or one fo
 
 
 class Distribution(ABC):
-    """A distribution of one number, or of the independent elements of a vector."""
+    """Distribution of one number, or of the independent elements of a vector."""
 
     @abstractmethod
     def quantile(self, u: Array) -> Array:
-        """Return the value that is exceeded with probability 1 - u; of the shape of u."""
+        """Return the value that is exceeded with probability 1 - u, of the shape of `u`."""
 
     @property
     @abstractmethod
     def limits(self) -> tuple[float, float]:
-        """The least and the greatest value, infinite where there is none."""
+        """The least and the greatest value; infinite for a distribution without limits."""
 
     @property
     def size(self) -> int | None:
-        """The number of elements that the fields name; None if one number is meant for all."""
+        """The number of elements of the vector; None if the fields hold one number for all."""
         sizes = {len(v) for v in self._numbers().values() if isinstance(v, tuple)}
         if len(sizes) > 1:
             found = ", ".join(f"{k}: {np.size(v)}" for k, v in self._numbers().items())
@@ -50,17 +50,17 @@ class Distribution(ABC):
 
     @property
     def joint(self) -> bool:
-        """Whether one draw decides all elements of a vector."""
+        """Whether one draw decides all elements of a vector, as whole vectors of `Choice` do."""
         return False
 
     def element(self, i: int) -> Self:
-        """Return the distribution of element i of a vector, from 0."""
+        """Return the distribution of element `i` of a vector, from 0."""
         own = {k: v[i] for k, v in self._numbers().items() if isinstance(v, tuple)}
         return replace(self, **own) if own else self  # type: ignore[type-var]
 
     @property
     def range(self) -> tuple[float, float]:
-        """Return finite limits: three deviations from the mean where a normal has none."""
+        """Finite limits; of a normal without limits, three deviations from its mean."""
         return self.limits
 
     def _numbers(self) -> dict[str, Numbers]:
@@ -95,7 +95,25 @@ class Distribution(ABC):
 @final
 @dataclass(frozen=True)
 class Uniform(Distribution):
-    """Uniform distribution in [low, high]."""
+    """Uniform distribution in [low, high], of a number or of the elements of a vector.
+
+    `low` and `high` are each one number, or one for each element of a vector, in the unit of the
+    parameter that is drawn. Raises InputInvalid if `low` is above `high`, and for numbers that are
+    not finite.
+
+    Example:
+
+    >>> import numpy as np
+    >>> from uuvsim_cosim.envs import Uniform
+    >>> mass = Uniform(12.5, 14.5)  # kg
+    >>> mass.quantile(np.array([0.0, 0.5, 1.0]))
+    array([12.5, 13.5, 14.5])
+    >>> mass.limits, mass.range, mass.size, mass.joint
+    ((12.5, 14.5), (12.5, 14.5), None, False)
+    >>> drag = Uniform([-6.0, -12.0], [-4.0, -8.0])  # of two elements
+    >>> drag.size, drag.element(1)
+    (2, Uniform(low=-12.0, high=-8.0))
+    """
 
     low: Numbers
     high: Numbers

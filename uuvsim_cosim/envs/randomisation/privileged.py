@@ -22,11 +22,23 @@ def with_privileged(task: TeamTask) -> PrivilegedTeamTask: ...
 
 
 def with_privileged(task: Task | TeamTask) -> PrivilegedTask | PrivilegedTeamTask:
-    """Return a task whose observation ends with the drawn parameters, scaled by their range.
+    """Return a `task` whose observation ends with the drawn parameters, scaled to [-1, 1].
 
-    They are the last `privileged_width` numbers, which can be hidden from an actor. In a team, they
-    end each agent's observation, and the state. Raises InputInvalid for a task without a
-    Randomisation.
+    They are the last `privileged_width` numbers of the observation, so that they can be given to a
+    critic and hidden from an actor. In a team, they end each agent's observation and the state.
+    Raises InputInvalid for a task without a Randomisation.
+
+    Example:
+
+    >>> from uuvsim_cosim.envs import CosimEnv, Randomisation, Uniform, Vary, with_privileged
+    >>> from uuvsim_cosim.envs.tasks import StationKeeping
+    >>> drawn = Randomisation([Vary("hull.m", Uniform(12.5, 14.5))])  # kg
+    >>> task = with_privileged(StationKeeping(randomisation=drawn))
+    >>> task.privileged_width
+    1
+    >>> observation, _ = CosimEnv(task).reset(seed=0)
+    >>> observation.shape, observation[-1].round(2)  # -1 is 12.5 kg, 1 is 14.5 kg
+    ((21,), np.float32(0.14))
     """
     return PrivilegedTeamTask(task) if isinstance(task, TeamTask) else PrivilegedTask(task)
 

@@ -18,13 +18,22 @@ def published(
     set: str | None = None,
     distribution: Callable[[float, float], Distribution] = Uniform,
 ) -> Randomisation:
-    """Draw each number of a hull from the interval of all its published values.
+    """Return a randomisation of a hull's parameters over the intervals of their published values.
 
-    An identified set (`uuvsim identify --save-as`) has its own intervals, and only those are used.
+    `vehicle` is a shipped vehicle or a folder, and `set` one of its parameter sets (None: its
+    default). Both must be those of the system's hull, since a parameter that a set does not have is
+    structurally zero and cannot be drawn. `prefix` is the path of the hull in the system.
+    `distribution` makes a distribution from the least and the greatest value. An identified set
+    (`uuvsim identify --save-as`) has its own intervals, and only those are used. Units are those of
+    the parameters. Values and sources: models/vehicles/<vehicle>/published.yaml. Raises
+    InputInvalid for a vehicle without published intervals.
 
-    `prefix` is the hull's path in the system; `vehicle` and `set` must be those of its declaration,
-    since a parameter that a set does not have is structurally zero and cannot be drawn. Values and
-    sources: models/vehicles/<vehicle>/published.yaml.
+    Example:
+
+    >>> from uuvsim_cosim.envs import published
+    >>> hull = published("bluerov2_heavy", prefix="hull")
+    >>> [vary.name for vary in hull.parameters][:3]
+    ['hull.m', 'hull.rho', 'hull.nabla']
     """
     return Randomisation(*sets.published_intervals(vehicle, prefix, set, distribution))
 
@@ -39,10 +48,19 @@ def sensor_noise(system: System, low: float = 0.5, high: float = 2.0) -> Randomi
 
 
 def current(system: System, speed: float = 0.5) -> Randomisation:
-    """Draw a current of up to `speed` [m/s] from any direction.
+    """Return a randomisation of a system's current: up to `speed` [m/s], from any direction.
 
-    Components that make currents get speed and direction; a hull whose `v_c` is free gets a
-    velocity with each horizontal part within ± speed / sqrt(2).
+    A component that makes a current gets a speed from 0 to `speed` and a direction [rad]. A hull
+    whose input `v_c` is unconnected gets a horizontal velocity, each part (N and E) within
+    ± speed / sqrt(2). Raises InputInvalid for a system without either.
+
+    Example:
+
+    >>> import uuvsim_cosim as uuv
+    >>> from uuvsim_cosim.envs import current
+    >>> water = current(uuv.load("bluerov2_task"), speed=0.3)
+    >>> [vary.name for vary in water.parameters]
+    ['current.speed', 'current.direction']
     """
     return Randomisation(*sets.current_of_any_direction(system, speed))
 

@@ -1,15 +1,4 @@
-"""Domain randomisation: parameters of a system that are drawn for every episode.
-
->>> Randomisation(
-...     [
-...         Vary("hull.m", Uniform(12.5, 14.5)),
-...         Vary("hull.nabla", Uniform(0.0124, 0.0144)),
-...         Vary("thruster_*.T_n", LogUniform(0.5, 2.0), relative=True, together=True),
-...     ],
-...     correlation={("hull.m", "hull.nabla"): 0.95},
-...     system=system,
-... )  # doctest: +SKIP
-"""
+"""Domain randomisation: parameters of a system that are drawn for every episode."""
 
 from __future__ import annotations
 
@@ -39,12 +28,35 @@ TRIES = 100
 
 @final
 class Randomisation:
-    """Distributions of parameters and their correlation; it must be bound to a system to draw.
+    """Distributions of parameters and their correlation, from which each episode draws.
 
-    `correlation` is of the normals behind the draws (a Gaussian copula): by pairs of names, or a
-    matrix over `parameters`, each of which must then be one draw. Names are those of `labels`:
-    "hull.m", "hull.D_l[1]", "thruster_3.T_n", or a pattern that is drawn together.
-    Raises SystemInvalid with every problem.
+    `parameters` are a list of `Vary`. `correlation` is that of the normal variables behind the
+    draws (a Gaussian copula), so each parameter keeps its own distribution. It is a mapping from
+    pairs of names to numbers in [-1, 1], or a matrix over `parameters`, each of which must then be
+    one draw. Names are those of `labels`: "hull.m", "hull.D_l[1]", "thruster_3.T_n", or a pattern
+    that is drawn together. Draws need a `system`; a task binds its randomisation to its own system.
+    The sum of two randomisations draws the parameters of both. Raises SystemInvalid with every
+    problem if the names or distributions do not fit the system, and InputInvalid for arguments of
+    wrong types.
+
+    Example:
+
+    >>> import uuvsim_cosim as uuv
+    >>> from uuvsim_cosim.envs import Draws, Randomisation, Uniform, Vary
+    >>> drawn = Randomisation(
+    ...     [Vary("hull.m", Uniform(12.5, 14.5)), Vary("hull.nabla", Uniform(0.0124, 0.0144))],
+    ...     correlation={("hull.m", "hull.nabla"): 0.95},  # kg and m3: heavier hulls are larger
+    ... )
+    >>> bound = drawn.bound(uuv.load("bluerov2_task"))
+    >>> bound.names, bound.labels
+    (('hull.m', 'hull.nabla'), ('hull.m', 'hull.nabla'))
+    >>> start = bound.draw(Draws(seeds=[0, 1], episodes=[0, 0]))
+    >>> start["hull.m"].round(2)  # kg, one value for each of two episodes
+    array([13.64, 12.92])
+    >>> bound.privileged_names, bound.privileged_limits[1]  # for a critic
+    (('hull.m', 'hull.nabla'), array([1., 1.]))
+    >>> bound.privileged(start)[:, 0].round(2)  # -1 is 12.5 kg, 1 is 14.5 kg
+    array([ 0.14, -0.58])
     """
 
     def __init__(
@@ -70,7 +82,10 @@ class Randomisation:
         self._hulls = list(hulls_of(self._places, self.names))
 
     def bound(self, system: System) -> Randomisation:
-        """Return the same randomisation for a system."""
+        """Return the same randomisation, bound to a `system`.
+
+        Raises SystemInvalid with every problem if it does not fit.
+        """
         same = self.system is system
         return self if same else Randomisation(self.parameters, self.correlation, system)
 
@@ -82,26 +97,41 @@ class Randomisation:
 
     @classmethod
     def read(cls, path: str | Path, system: System) -> Randomisation:
-        """Read a YAML file of `parameters`, `sets`, `correlation` (docs/systems/studies.md)."""
+        """Read a YAML file of `parameters`, `sets` and `correlation`, and bind it to a `system`.
+
+        `path` is the file; docs/systems/study_files.md describes it. Raises InputInvalid with every
+        mistake and its line.
+
+        Example:
+
+        >>> from pathlib import Path
+        >>> import uuvsim_cosim as uuv
+        >>> from uuvsim_cosim.envs import Randomisation
+        >>> text = "parameters: {hull.m: {uniform: [12.5, 14.5]}}"  # kg
+        >>> _ = Path("mass.yaml").write_text(text)
+        >>> Randomisation.read("mass.yaml", uuv.load("bluerov2_task")).names
+        ('hull.m',)
+        """
         return cls(*read_declared(Path(path), system), system)
 
     @property
     def labels(self) -> tuple[str, ...]:
-        """The names of the draws."""
+        """The names of the draws; raises InputInvalid if there is no system."""
         self._bound()
         return tuple(q.label for q in self.quantities)
 
     @property
     def names(self) -> tuple[str, ...]:
-        """The names of the variables that are drawn."""
+        """The names of the variables that are drawn; raises InputInvalid if there is no system."""
         self._bound()
         return tuple(dict.fromkeys(t.name for q in self.quantities for t in q.targets))
 
     def draw(self, draws: Draws) -> Mapping[str, Array]:
-        """Draw start values by variable, of shape (n, *shape).
+        """Return start values by variable, of shape (n, *shape), for the n episodes of `draws`.
 
-        A draw that is no possible body (M not positive definite, or moments of inertia that break
-        their triangle rule) is drawn again, and counted in `rejected`.
+        A draw that is not a possible body (its mass matrix is not positive definite, or its moments
+        of inertia violate the triangle inequality) is drawn again and counted in `rejected`. Raises
+        InputInvalid after 100 such draws in a row, and if there is no system.
         """
         start = self._once(draws, "")
         self.drawn += draws.n
@@ -126,7 +156,18 @@ class Randomisation:
 
     @property
     def remarks(self) -> tuple[str, ...]:
-        """Messages of the numbers of impossible draws."""
+        """Messages that state how many draws were not possible bodies.
+
+        Example:
+
+        >>> import uuvsim_cosim as uuv
+        >>> from uuvsim_cosim.envs import Draws, Randomisation, Uniform, Vary
+        >>> inertia = [Vary("hull.I_b_33", Uniform(0.1, 1.0))]  # kg.m2, too wide on purpose
+        >>> drawn = Randomisation(inertia, system=uuv.load("bluerov2_task"))
+        >>> _ = drawn.draw(Draws(seeds=range(8), episodes=[0] * 8))
+        >>> print(drawn.remarks[0])
+        hull: ...
+        """
         return tuple(
             f"{path}: {count} draws beside the {self.drawn} used were no possible body (M not "
             "positive definite, or inertia against its triangle rule) and were drawn again"
@@ -138,18 +179,20 @@ class Randomisation:
         u = {label: draws.uniform(f"randomisation/{label}{attempt}") for label in self.labels}
         return self._places.assembled(self.quantities, self._copula.correlated(u))
 
-    # ---- what a critic may see ------------------------------------------------------------
+    # ---- privileged observations ----------------------------------------------------------
 
     @property
     def privileged_names(self) -> tuple[str, ...]:
-        """The names of the numbers of `privileged`: the draws that are not constant."""
+        """The names of the numbers of `privileged`: those of the draws that are not constant."""
         self._bound()
         return tuple(q.label for q in self._seen)
 
     def privileged(self, start: Mapping[str, Array]) -> Array:
-        """Return the drawn values, each scaled by its range to [-1, 1], of shape (n, k).
+        """Return drawn values, each scaled by its range to [-1, 1], of shape (n, k).
 
-        A normal without limits is scaled by three deviations and clipped.
+        `start` are start values by variable, of shape (n, *shape), as `draw` returns them. A normal
+        distribution without limits is scaled by three standard deviations and clipped. Raises
+        InputInvalid for a variable that is missing in `start`.
         """
         self._bound()
         columns = []
@@ -169,7 +212,7 @@ class Randomisation:
 
     @property
     def privileged_limits(self) -> tuple[Array, Array]:
-        """The least and the greatest value of each number of `privileged`."""
+        """The lower and upper limits of the numbers of `privileged`, -1 and 1, of shape (k,)."""
         k = len(self.privileged_names)
         return -np.ones(k), np.ones(k)
 

@@ -50,7 +50,10 @@ def published_intervals(
             f"no published intervals of {vehicle!r}",
             f"{', '.join(there)}, or a folder with a published.yaml",
         )
-    data = read_yaml(vehicle_folder(vehicle) / "published.yaml", "published.schema.json")
+    file = vehicle_folder(vehicle) / "published.yaml"
+    data = read_yaml(file, "published.schema.json")
+    ships = file.is_relative_to(content())
+    place = file.relative_to(content()).as_posix() if ships else str(file.absolute())
     known = parameter_set(vehicle, set or own or None).quantities
     found: list[Vary] = []
     for name, values in data["parameters"].items():
@@ -63,7 +66,9 @@ def published_intervals(
         if len(values) < 2:
             continue
         numbers = [in_unit(float(v["value"]), str(v["unit"]), unit) for v in values]
-        found.append(Vary(f"{prefix}.{name}", distribution(min(numbers), max(numbers))))
+        sources = tuple((place, " ".join(str(v["source"]).split())) for v in values)
+        interval = distribution(min(numbers), max(numbers))
+        found.append(Vary(f"{prefix}.{name}", interval, sources=sources))
     pairs = {
         (f"{prefix}.{a}", f"{prefix}.{b}"): float(entry["value"])
         for entry in data.get("correlation", ())

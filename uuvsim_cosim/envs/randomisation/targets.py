@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from fnmatch import fnmatchcase
 from types import MappingProxyType
 from typing import NamedTuple, final
@@ -29,12 +29,22 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Vary:
-    """A parameter, an unconnected input or a start value, and how it is drawn.
+    """Parameter, unconnected input or start value that is drawn, and its distribution.
 
     `name` is a variable ("hull.m"), one element or a slice of it ("hull.D_l[1]"), or a pattern over
-    instances ("thruster_*.T_n"). `unit` is that of the distribution, by default the variable's.
-    `relative`: the distribution is of a factor on the value that the system gives. `together`: one
-    draw decides all that is named; otherwise every element of every instance has its own.
+    instances ("thruster_*.T_n"). `unit` is the unit of the `distribution`, by default that of the
+    variable. With `relative`, the distribution is that of a factor on the value in the system. With
+    `together`, one draw decides all named elements; otherwise, every element of every instance has
+    a draw of its own. `sources` are the publications of the distribution, as pairs of a file and
+    its text. Raises InputInvalid for fields of wrong types.
+
+    Example:
+
+    >>> from uuvsim_cosim.envs import Uniform, Vary
+    >>> mass = Vary("hull.m", Uniform(12.5, 14.5), unit="kg")
+    >>> strength = Vary("thruster_*.K_n", Uniform(0.8, 1.1), relative=True, together=True)
+    >>> strength.name, strength.distribution.limits  # all thrusters get the same factor
+    ('thruster_*.K_n', (0.8, 1.1))
     """
 
     name: str
@@ -42,6 +52,9 @@ class Vary:
     unit: str | None = None
     relative: bool = False
     together: bool = False
+    sources: tuple[tuple[str, str], ...] = field(
+        default=(), kw_only=True, repr=False, compare=False
+    )
 
     def __post_init__(self) -> None:
         """Check the types of the fields."""

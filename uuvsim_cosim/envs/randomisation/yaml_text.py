@@ -38,16 +38,18 @@ KINDS: dict[str, tuple[type[Distribution], tuple[str, ...], int]] = {
 OPTIONS = ("unit", "relative", "together")
 
 
-def _vary(text: YamlText, place: Path_, name: str, data: object) -> Vary | None:
+def _vary(
+    text: YamlText, place: Path_, name: str, data: object, also: Sequence[str]
+) -> Vary | None:
     """Read one parameter: a number, a list, or a mapping with one kind of distribution."""
     if not isinstance(data, Mapping):
         data = {"constant": data}
-    if not text.keys(place, data, (*KINDS, *OPTIONS)):
+    if not text.keys(place, data, (*KINDS, *OPTIONS, *also)):
         return None
     kinds = [k for k in data if k in KINDS]
     if len(kinds) != 1:
         read = f"{' and '.join(kinds)}" if kinds else "no distribution"
-        text.wrong(place, f"{read}; expected one of {', '.join(KINDS)}")
+        text.wrong(place, f"{read}; expected one of {', '.join((*KINDS, *also))}")
         return None
     distribution = _distribution(text, [*place, kinds[0]], kinds[0], plain(data[kinds[0]]))
     flags: dict[str, bool] = {}
@@ -63,7 +65,8 @@ def _vary(text: YamlText, place: Path_, name: str, data: object) -> Vary | None:
         return None
     if distribution is None:
         return None
-    return Vary(name, distribution, None if unit is None else str(unit), **flags)
+    unit = None if unit is None else str(unit)
+    return Vary(name, distribution, unit, flags["relative"], flags["together"])
 
 
 def _distribution(text: YamlText, place: Path_, kind: str, given: object) -> Distribution | None:
@@ -90,15 +93,22 @@ def _distribution(text: YamlText, place: Path_, kind: str, given: object) -> Dis
 
 
 def declared_in(
-    text: YamlText, data: Mapping[str, object], system: System, skip: Iterable[str] = ()
+    text: YamlText,
+    data: Mapping[str, object],
+    system: System,
+    skip: Iterable[str] = (),
+    also: Sequence[str] = (),
 ) -> Declared | None:
-    """Read `parameters` (except those to skip), `sets` and `correlation` of a mapping."""
+    """Read `parameters` (except those to skip), `sets` and `correlation` of a mapping.
+
+    `also` are keys of a parameter that the skipped ones have, for messages.
+    """
     parameters: list[tuple[Path_, Vary]] = []
     pairs: dict[tuple[str, str], float] = {}
     given = data.get("parameters")
     for name, entry in given.items() if isinstance(given, Mapping) else ():
         if name not in skip:
-            vary = _vary(text, ["parameters", name], str(name), entry)
+            vary = _vary(text, ["parameters", name], str(name), entry, also)
             parameters += [(["parameters", name], vary)] if vary is not None else []
     if given is not None and not isinstance(given, Mapping):
         text.wrong(["parameters"], f"{shown(given)}; expected a mapping by name of a variable")

@@ -23,10 +23,19 @@ _ahead: dict[tuple[int, str, int], tuple[int, NDArray[Any]]] = {}  # seed, name,
 
 @final
 class Draws:
-    """Draws for n episodes; row e depends on (seeds[e], episodes[e], name) and nothing else.
+    """Random numbers of n episodes: row e depends on seeds[e], episodes[e] and a name only.
 
-    So an environment draws the same numbers alone and among ten thousand, in any order. Seeds are
-    whole numbers modulo 2^64; episodes count from 0.
+    An environment therefore draws the same numbers alone and among ten thousand, in any order.
+    `seeds` are whole numbers modulo 2^64, and `episodes` count from 0; both have the shape (n,). A
+    task receives such draws in its method `start`. The `name` of a draw makes it independent of
+    other draws: "start", "start/2" for a second try. The same name gives the same numbers again.
+
+    Example:
+
+    >>> from uuvsim_cosim.envs import Draws
+    >>> draws = Draws(seeds=[7, 7, 8], episodes=[0, 1, 0])
+    >>> draws.uniform("depth", 2.0, 8.0)  # one number for each of the three episodes
+    array([3.88280454, 4.29459463, 7.37899309])
     """
 
     def __init__(self, seeds: ArrayLike, episodes: ArrayLike) -> None:
@@ -35,16 +44,40 @@ class Draws:
 
     @property
     def n(self) -> int:
-        """The number of episodes."""
+        """The number of episodes.
+
+        Example:
+
+        >>> from uuvsim_cosim.envs import Draws
+        >>> Draws(seeds=[7, 7, 8], episodes=[0, 1, 0]).n
+        3
+        """
         return len(self._seeds)
 
     def rows(self, chosen: ArrayLike) -> Draws:
-        """Return the draws of some of the episodes, by a mask or by indices."""
+        """Return the draws of the `chosen` episodes, given by a mask or by indices.
+
+        Example:
+
+        >>> from uuvsim_cosim.envs import Draws
+        >>> draws = Draws(seeds=[7, 7, 8], episodes=[0, 1, 0])
+        >>> draws.n, draws.rows([True, False, True]).n
+        (3, 2)
+        """
         chosen = np.asarray(chosen)
         return Draws(self._seeds[chosen], self._episodes[chosen])
 
     def seeds(self, name: str = "system") -> NDArray[np.uint64]:
-        """Return a seed for each episode, of shape (n,): of the system, by default."""
+        """Return a seed for each episode, of shape (n,).
+
+        With the default `name`, these are the seeds with which an environment resets its system.
+
+        Example:
+
+        >>> from uuvsim_cosim.envs import Draws
+        >>> Draws(seeds=[7, 8], episodes=[0, 0]).seeds()
+        array([12352026036946472830, 11950623533197062401], dtype=uint64)
+        """
         kept = self._kept(name, 0)
         if kept is not None:
             return kept
@@ -54,16 +87,33 @@ class Draws:
     def uniform(
         self, name: str, low: ArrayLike = 0.0, high: ArrayLike = 1.0, shape: tuple[int, ...] = ()
     ) -> Array:
-        """Return numbers in (low, high), of shape (n, *shape).
+        """Return uniform numbers in (low, high), of shape (n, *shape).
 
-        The name distinguishes draws: "start", "start/2" for a second try.
+        `low` and `high` are numbers, or arrays that NumPy broadcasts to that shape.
+
+        Example:
+
+        >>> from uuvsim_cosim.envs import Draws
+        >>> draws = Draws(seeds=[7, 8], episodes=[0, 0])
+        >>> draws.uniform("start", low=-1.0, high=1.0, shape=(2,)).round(2)  # N and E of each
+        array([[-0.36,  0.56],
+               [ 0.56,  0.35]])
         """
         unit = self._unit(name, math.prod(shape)).reshape(self.n, *shape)
         low, high = np.asarray(low, dtype=float), np.asarray(high, dtype=float)
         return np.asarray(low + (high - low) * unit)
 
     def normal(self, name: str, shape: tuple[int, ...] = ()) -> Array:
-        """Return standard normals of shape (n, *shape)."""
+        """Return normal numbers of mean 0 and standard deviation 1, of shape (n, *shape).
+
+        Example:
+
+        >>> from uuvsim_cosim.envs import Draws
+        >>> draws = Draws(seeds=[7, 8], episodes=[0, 0])
+        >>> 0.1 * draws.normal("error", shape=(2,)).round(1)  # deviation 0.1
+        array([[...],
+               [...]])
+        """
         from scipy.special import ndtri  # element by element: numpy's log differs with alignment
 
         return np.asarray(ndtri(self.uniform(name, shape=shape)))

@@ -92,6 +92,22 @@ class Signals:
 
     def view(self, values: Array, name: str) -> NDArray[Any]:
         """Return a signal, of shape (n, *shape); raises InputInvalid for one that is not read."""
+        rows, shape, type_ = self._view(name)
+        n = values.shape[1]
+        part = values[rows]
+        if shape == ():
+            part = part[0]
+        elif len(shape) == 1:
+            part = part.T
+        else:
+            part = np.moveaxis(part.reshape(*shape, n), -1, 0)
+        return part if type_ is None else part.astype(type_)
+
+    def shape(self, name: str) -> tuple[int, ...]:
+        """Return the shape of a signal; raises InputInvalid for one that is not read."""
+        return self._view(name)[1]
+
+    def _view(self, name: str) -> View:
         if name not in self._views:
             try:
                 named = resolved(self.plan, name)
@@ -105,16 +121,7 @@ class Signals:
             consecutive = len(index) > 0 and bool(np.all(np.diff(index) == 1))
             chosen = slice(int(index[0]), int(index[-1]) + 1) if consecutive else index
             self._views[name] = chosen, named.shape, _TYPES.get(named.variable.type)
-        rows, shape, type_ = self._views[name]
-        n = values.shape[1]
-        part = values[rows]
-        if shape == ():
-            part = part[0]
-        elif len(shape) == 1:
-            part = part.T
-        else:
-            part = np.moveaxis(part.reshape(*shape, n), -1, 0)
-        return part if type_ is None else part.astype(type_)
+        return self._views[name]
 
 
 T = TypeVar("T", bound=np.generic)
@@ -131,7 +138,7 @@ def mixed(old: NDArray[T], new: NDArray[T], rows: NDArray[np.intp]) -> NDArray[T
 class Instant:
     """The `Moment` protocol over an array of signals, of shape (size, n)."""
 
-    __slots__ = ("_before", "_fresh", "_seconds", "_signals", "action", "start", "step", "values")
+    __slots__ = ("_before", "_fresh", "_seconds", "action", "signals", "start", "step", "values")
 
     def __init__(
         self,
@@ -145,7 +152,7 @@ class Instant:
         fresh: NDArray[np.intp] | None = None,
     ) -> None:
         values.flags.writeable = False
-        self._signals = signals
+        self.signals = signals
         self.values = values
         self.step = step
         self._seconds = seconds  # of an action, as numerator and denominator
@@ -173,7 +180,7 @@ class Instant:
         if self._fresh is not None:
             old, fresh = self._before, self._fresh
             self._before = Instant(
-                self._signals,
+                self.signals,
                 mixed(old.values, self.values, fresh),
                 mixed(old.step, self.step, fresh),
                 self._seconds,
@@ -185,7 +192,7 @@ class Instant:
 
     def __getitem__(self, name: str) -> NDArray[Any]:
         """Return a signal of the task, in the variable's own unit, of shape (n, *shape)."""
-        return self._signals.view(self.values, name)
+        return self.signals.view(self.values, name)
 
     def alone(self) -> Instant:
         """Forget the moment before, so that no chain of moments is kept in memory."""

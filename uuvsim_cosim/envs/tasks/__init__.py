@@ -1,4 +1,4 @@
-"""Tasks that ship: a vehicle at a pose, on a curve, against disturbances; target tracking.
+"""Shipped tasks: a vehicle at a pose, on a curve, or with disturbances; target tracking.
 
 It may import `envs.episodes`, `envs.randomisation`, `envs.plants`, `envs.task`, `envs.pictures`.
 Start reading with `pose.py`.

@@ -1,4 +1,4 @@
-"""Altitude following: a course at constant height above a seabed that only echoes show."""
+"""Altitude following: a course at constant height above a seabed, measured by echosounders."""
 
 from __future__ import annotations
 
@@ -32,15 +32,18 @@ MARGIN = 40.0  # m, from the terrain's edges, that the beginning of a course kee
 
 
 class AltitudeFollowing(PoseTask):
-    """Follow a point that moves along a straight course, `altitude` [m] above the seabed of `scene`.
+    """Follow a point on a straight course at a constant `altitude` [m] above a seabed.
 
-    The beginning of the course, its heading, its speed from `speed` [m/s], and the start, up to
-    `away` m off, are drawn. The reward is that of `PoseTask`, of the true distance to the point.
-    N and E of the point are known, the depth of the seabed is not: the third number of the
-    observation is the range of a vertical beam (an altimeter, 10 Hz) minus `altitude`. The task
-    adds the course's velocity in body axes (3) and 0, then, over 1 m, the range of a beam 45
-    degrees ahead minus that over level ground, and whether each beam got an echo (2).
-    """  # noqa: E501
+    Each episode draws the start of the course on the seabed of `scene`, its heading, its speed
+    within `speed` [m/s], and the start of the vehicle, up to `away` m from the point along each
+    axis. The reward and the other options are those of all tasks with a wanted pose (`PoseTask`,
+    docs/learning/tasks.md), with the true distance to the point.
+
+    The vehicle knows N and E of the point, but not the depth of the seabed. The third number of the
+    observation is therefore the range of a vertical beam (an altimeter, 10 Hz) minus `altitude`.
+    The task adds the velocity of the course in body axes (3) and a 0, then the range of a beam 45
+    degrees ahead minus that over level ground (over 1 m), and whether each beam has an echo (2).
+    """
 
     def __init__(
         self,
@@ -66,7 +69,7 @@ class AltitudeFollowing(PoseTask):
         self, action: ActedOn, observation: Observed, reference: bool, disturbances: bool
     ) -> System:
         """Add two echosounders over the scene to the system of a pose."""
-        return _with_echoes(action, observation, reference, disturbances, self.scene)
+        return _with_echoes(action, observation, reference, disturbances, self.scene, self.vehicle)
 
     def wanted(self, m: Moment) -> Array:
         """Return the moving point, at its height above the true seabed."""
@@ -94,7 +97,7 @@ class AltitudeFollowing(PoseTask):
         return [in_body(R, v), np.zeros((m.n, 1)), beyond[:, None], np.column_stack(heard)]
 
     def more_limits(self) -> list[float]:
-        """Return their limits."""
+        """Return the limits of the numbers of `more`."""
         return [1.0] * 3 + [2.0, 20.0, 1.0, 1.0]
 
     def info(self, m: Moment) -> Mapping[str, NDArray[np.generic]]:
@@ -133,9 +136,14 @@ class AltitudeFollowing(PoseTask):
 
 @lru_cache(maxsize=8)
 def _with_echoes(
-    action: ActedOn, observation: Observed, reference: bool, disturbances: bool, scene: str
+    action: ActedOn,
+    observation: Observed,
+    reference: bool,
+    disturbances: bool,
+    scene: str,
+    vehicle: str,
 ) -> System:
-    system = task_system(action, observation, reference, disturbances)
+    system = task_system(action, observation, reference, disturbances, vehicle)
     for name, pitch in zip(ECHOES, (0.0, AHEAD), strict=True):
         start = {"Theta_s": (0.0, pitch, 0.0), "r_s": PLACE, "beam_width": WIDTH,
                  "incidence_max": 1.4}  # fmt: skip
@@ -151,7 +159,7 @@ def _caster(scene: str) -> Caster:
 
 @lru_cache(maxsize=8)
 def _begins(scene: str, least: float) -> Array:
-    """Return the nodes (n, 2) where a course may begin: deep enough, and far from the edges."""
+    """Return the nodes (n, 2) that are deep enough and far enough from the edges for a start."""
     g = _caster(scene).ground
     if min(g.z.shape) < 2:
         raise InputInvalid(f"scene {scene!r}", "has no terrain", "one to follow")

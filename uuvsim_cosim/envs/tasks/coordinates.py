@@ -1,18 +1,29 @@
-"""Poses of many environments in arrays: rotations, errors in body axes, angles (NED, FRD)."""
+"""Poses of many environments in arrays: rotations, errors in body axes, angles (NED, FRD).
+
+A function `…_expression` is the same for the symbols of one environment: it has the same operations
+in the same order, and so the same bits.
+"""
 
 from __future__ import annotations
+
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["R_zyx", "in_body", "level", "wrap"]
+from uuvsim_cosim.envs.task.expressions import sin_cos
+
+__all__ = [
+    "R_zyx", "R_zyx_expression", "in_body", "in_body_expression", "level", "wrap",
+    "wrap_expression",
+]  # fmt: skip
 
 Array = NDArray[np.float64]
 
 
 def R_zyx(angles: Array) -> Array:
     """Return R from b to n, of shape (n, 3, 3), of phi theta psi (n, 3)."""
-    c, s = np.cos(angles), np.sin(angles)
+    s, c = sin_cos(angles)
     R = np.empty((len(angles), 3, 3))
     R[:, 0, 0] = c[:, 2] * c[:, 1]
     R[:, 0, 1] = c[:, 2] * s[:, 1] * s[:, 0] - s[:, 2] * c[:, 0]
@@ -31,14 +42,14 @@ def in_body(R: Array, vectors: Array) -> Array:
     n = len(R)
     flat = vectors.reshape(n, -1, 3)
     # Written out: the order of additions, and so the last bit, must not depend on n.
-    turned = sum(flat[:, :, i, None] * R[:, None, i, :] for i in range(3))
-    return np.asarray(turned).reshape(vectors.shape)
+    x, y, z = (flat[:, :, i, None] * R[:, None, i, :] for i in range(3))
+    return np.asarray(x + y + z).reshape(vectors.shape)
 
 
 def level(psi: Array, vectors: Array) -> Array:
     """Turn vectors (n, ..., 2) of the horizontal plane into axes of heading psi (n,)."""
     shape = (len(psi),) + (1,) * (vectors.ndim - 2)
-    c, s = np.cos(psi).reshape(shape), np.sin(psi).reshape(shape)
+    s, c = (x.reshape(shape) for x in sin_cos(psi))
     x, y = vectors[..., 0], vectors[..., 1]
     return np.stack([c * x + s * y, c * y - s * x], axis=-1)
 
@@ -46,3 +57,28 @@ def level(psi: Array, vectors: Array) -> Array:
 def wrap(angle: Array) -> Array:
     """Return an angle within (-pi, pi]."""
     return np.asarray(np.pi - np.mod(np.pi - angle, 2 * np.pi))
+
+
+def R_zyx_expression(phi: Any, theta: Any, psi: Any) -> list[list[Any]]:
+    """Return the rows of R from b to n."""
+    import casadi as ca
+
+    (c0, c1, c2), (s0, s1, s2) = ([f(x) for x in (phi, theta, psi)] for f in (ca.cos, ca.sin))
+    return [
+        [c2 * c1, c2 * s1 * s0 - s2 * c0, c2 * s1 * c0 + s2 * s0],
+        [s2 * c1, s2 * s1 * s0 + c2 * c0, s2 * s1 * c0 - c2 * s0],
+        [-s1, c1 * s0, c1 * c0],
+    ]
+
+
+def in_body_expression(R: list[list[Any]], vector: Any) -> list[Any]:
+    """Return a vector in b that is `vector` in n."""
+    return [vector[0] * R[0][k] + vector[1] * R[1][k] + vector[2] * R[2][k] for k in range(3)]
+
+
+def wrap_expression(angle: Any) -> Any:
+    """Return an angle within (-pi, pi]."""
+    import casadi as ca
+
+    rest = ca.fmod(np.pi - angle, 2 * np.pi)
+    return np.pi - ca.if_else(rest < 0.0, rest + 2 * np.pi, rest)

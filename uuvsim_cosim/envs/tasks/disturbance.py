@@ -1,4 +1,4 @@
-"""Disturbance rejection: stay where one is, while currents rise and thrusters fail."""
+"""Disturbance rejection: stay at one place while the current changes and thrusters fail."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from uuvsim_cosim.envs.task.episode_draws import Draws
+from uuvsim_cosim.envs.task.expressions import Symbols
 from uuvsim_cosim.envs.task.task import Array, Moment
 from uuvsim_cosim.envs.tasks.ranges import whole, within
 from uuvsim_cosim.envs.tasks.station_keeping import StationKeeping
@@ -19,11 +20,13 @@ THRUSTERS = 8
 
 
 class DisturbanceRejection(StationKeeping):
-    """Station keeping from close by, with steps and ramps of the current and weak thrusters.
+    """Station keeping from a close start, with changes of the current and failing thrusters.
 
-    Drawn are: three changes of the current, of up to `gust` m/s in any direction, each as often a
-    step as a ramp of 1 to 5 s; and up to `faults` thrusters, each of which at some time loses 30
-    to 100 % of its thrust, unknown to the allocation. `privileged` adds their health (8).
+    Each episode draws three changes of the current by up to `gust` m/s in any direction; each is a
+    step or, with equal probability, a ramp of 1 to 5 s. It also draws up to `faults` thrusters,
+    each of which loses 30 to 100 % of its thrust at some time; the allocation does not know this.
+    With `privileged`, the observation includes the health of the thrusters (8). Reward and other
+    options are those of `StationKeeping`.
     """
 
     def __init__(
@@ -34,21 +37,25 @@ class DisturbanceRejection(StationKeeping):
         super().__init__(disturbances=True, signals=("faults.health",), away=away, **options)
 
     def hidden(self, m: Moment, R: Array) -> list[Array]:
-        """Return each thruster's share of its thrust."""
+        """Return the remaining share of each thruster's thrust, of shape (n, 8)."""
         return [m["faults.health"]]
 
+    def expressions(self, m: Symbols) -> Mapping[str, Any] | None:
+        """Return the expressions of station keeping: the health is a privileged observation."""
+        return super().expressions(m)
+
     def hidden_limits(self) -> list[float]:
-        """Return their limits."""
+        """Return the limits of the numbers of `hidden`."""
         return [2.0] * THRUSTERS
 
     def start(self, draws: Draws) -> Mapping[str, Array]:
-        """Draw what will go wrong, and when."""
+        """Return the start values, with the changes of the current and the thruster faults."""
         n, end = draws.n, float(self.horizon)
         angle = draws.uniform("gust/direction", -np.pi, np.pi, (RAMPS,))
         size = draws.uniform("gust/size", 0.0, self.gust, (RAMPS,))
         level = np.stack([size * np.cos(angle), size * np.sin(angle), 0.0 * size], axis=2)
         ramp = draws.uniform("gust/ramp", -1.0, 1.0, (RAMPS,))
-        # A whole number of faults, the thrusters that are hit in an order drawn for each episode.
+        # A whole number of faults; the failing thrusters are drawn for each episode.
         order = np.argsort(draws.uniform("fault/order", shape=(THRUSTERS,)), axis=1)
         rank = np.argsort(order, axis=1)
         count = np.floor(draws.uniform("fault/count", 0, self.faults + 1))

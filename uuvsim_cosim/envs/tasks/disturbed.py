@@ -32,11 +32,12 @@ LATE = (0.0, 0.4)  # s, of positions, and of commands
 
 
 class Disturbed(TargetTracking):
-    """One tracker by default, of the vehicle pool8, with disturbances.
+    """Target tracking with disturbances, by default of one tracker, the vehicle pool8.
 
-    `seen_late` [s] is the delay of positions, its own and the target's; `acted_late` [s] the delay
-    of commands by radio; `noise` [m] the deviation of each position; `thrust` the remaining share
-    of the thrust, which is not observed.
+    `seen_late` [s] is the age of the positions of the vehicle and the target, `acted_late` [s] the
+    delay of a command by radio, `noise` [m] the standard deviation of each position, and `thrust`
+    the remaining share of the thrust, which is not observed. `randomise` draws all of these, drag
+    and added mass for each episode. Other options are those of `TargetTracking`.
     """
 
     def __init__(
@@ -79,7 +80,7 @@ class Disturbed(TargetTracking):
         )
 
     def start(self, draws: Draws) -> Mapping[str, Array]:
-        """Draw a legal start, and the disturbances."""
+        """Return start values: a start without collisions, and the disturbances."""
         n = draws.n
         start = dict(super().start(draws))
         seen, acted, noise, thrust = (

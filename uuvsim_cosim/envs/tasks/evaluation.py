@@ -1,4 +1,4 @@
-"""Evaluation of a policy: its episodes on given seeds, side by side, and the task's metrics."""
+"""Evaluation of a policy: returns and metrics of its episodes on given seeds."""
 
 from __future__ import annotations
 
@@ -26,14 +26,14 @@ Outcome = tuple[Array, Mask, Mapping[str, NDArray[np.generic]]]  # rewards, ende
 class Evaluation:
     """Results of n episodes; `metrics` are means over the second half of each, of shape (n,)."""
 
-    returns: Array  # (n,); of a team, the mean of its agents
-    seconds: Array  # (n,), how long each lasted
+    returns: Array  # (n,); of a team, the mean over its agents
+    seconds: Array  # (n,), the durations
     metrics: Mapping[str, Array]
 
     def summary(self) -> dict[str, float]:
-        """Return means over the episodes; of tracking, also `clean` and `success` as shares.
+        """Return means over the episodes; for target tracking, also shares of episodes.
 
-        `clean` is the share of episodes without a penalty, `success` of those with track >= 0.9.
+        `clean` is the share of episodes without a penalty, `success` the share with track >= 0.9.
         """
         means = {name: float(values.mean()) for name, values in self.metrics.items()}
         if {"track", "clean"} <= self.metrics.keys():
@@ -51,10 +51,12 @@ def evaluate(
     threads: int = 1,
     backend: Backend = "auto",
 ) -> Evaluation:
-    """Run episode 0 of the seeds `seed`, `seed` + 1, …, each to its end.
+    """Run `episodes` episodes in parallel, each to its end: episode 0 of `seed`, `seed` + 1, ….
 
-    `policy` maps observations (n, width) to actions (n, width); a team has one for each agent. The
-    metrics are the numbers of the task's `info`.
+    `policy` maps observations (n, width) to actions (n, width); for a team, it is a mapping with a
+    policy for each agent. The metrics are the numbers of the task's `info`. `backend` and `threads`
+    are those of `CosimVectorEnv`. Raises InputInvalid for less than one episode and for policies
+    that do not match the agents.
     """
     if episodes < 1:
         raise InputInvalid(f"{episodes} episodes", "at least 1")

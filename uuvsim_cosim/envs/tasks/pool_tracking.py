@@ -1,8 +1,9 @@
 """Transition 1 in the system `pool_tracking`: a policy observes the vehicle's own estimates.
 
-Rewards and metrics are computed from the true positions of tracker and quarry. A policy observes
-the pose of the navigation, a tick old, and the predictor's target. Its actions go directly to the
-pilot, since the policy runs on board.
+Rewards and metrics are computed from the true positions of the tracker and of the target, the
+component `quarry`. A policy observes the pose that the navigation estimates, one tick old, and the
+target's position of the predictor. Its actions go directly to the pilot, since the policy runs on
+board.
 """
 
 from __future__ import annotations
@@ -31,9 +32,12 @@ ESTIMATE = (0.02, 0.02, 0.01, 0.0, 0.0, 0.03)  # deviations of the estimated sta
 
 
 class PoolTracking(TargetTracking):
-    """One tracker, one quarry, in the pool of figure 11; `thrust` and `loss` as in Disturbed.
+    """Target tracking of one tracker and one target in the simulated pool of figure 11.
 
-    Without `predicted`, the target's position is that of the radio's last packet.
+    `noise` [m] is the standard deviation of the external positions, `loss` the share of lost radio
+    packets, and `thrust` the remaining share of the thrust. With `predicted`, the policy observes
+    the predicted position of the target, otherwise that of the radio's last packet. Other options
+    are those of `TargetTracking`, except those that the system decides.
     """
 
     def __init__(
@@ -66,7 +70,7 @@ class PoolTracking(TargetTracking):
         )
 
     def start(self, draws: Draws) -> Mapping[str, Array]:
-        """Draw a legal start, and an estimate of it with errors."""
+        """Return start values: a start without collisions, and an estimate of it with errors."""
         n, size = draws.n, np.array(self.arena.size)
         drawn = super().start(draws)
         pose = drawn["tracker_1.hull.eta_0"]
@@ -88,11 +92,11 @@ class PoolTracking(TargetTracking):
         }
 
     def symmetries(self) -> tuple[Symmetry, ...]:
-        """Return none: the sensors' places have no symmetry."""
+        """Return (): the positions of the sensors have no symmetry."""
         return ()
 
     def state(self, m: Moment) -> Array:
-        """Return (5) of the true positions."""
+        """Return the state, equation (5), of the true positions."""
         eta, nu = m["hull.eta"], m["hull.nu"]
         flat = np.concatenate([eta[:, [0, 1, 5]], nu[:, [0, 1, 5]], m["quarry.hull.eta"][:, :2]], 1)
         low, high = self.state_limits()

@@ -53,7 +53,7 @@ def numbers(
 
 
 def pair(name: str, value: object) -> tuple[float, float]:
-    """Return the least and the greatest value of a range that begins at 0 or above."""
+    """Return the least and the greatest value of a range of numbers from 0; raises InputInvalid."""
     least, greatest = numbers(name, value, ("least", "greatest"))
     if least > greatest:
         raise InputInvalid(name, f"{value!r}", "the least first")

@@ -1,6 +1,6 @@
-"""Scripted controllers as references: observations (n, width) in, actions (n, width) out.
+"""Scripted controllers as references: functions from observations (n, width) to actions.
 
-They have the observations of a policy and no memory, so that their return is a fair reference.
+They use the observations of a policy and have no memory, so that their return is a fair reference.
 """
 
 from __future__ import annotations
@@ -17,6 +17,8 @@ from uuvsim_cosim.envs.tasks.target_tracking import A_MAX, OMEGA_MAX, V_MAX, Tar
 from uuvsim_cosim.envs.tasks.tracking_observation import OBSTACLE, OTHER, OWN, TARGET
 from uuvsim_cosim.envs.tasks.trajectory import TrajectoryFollowing
 from uuvsim_cosim.errors import InputInvalid
+from uuvsim_cosim.models.control.vehicle_design import control_design
+from uuvsim_cosim.orchestrator.shipped.tasks import HEAVY
 
 __all__ = [
     "Policies",
@@ -42,7 +44,10 @@ D_Q = np.array([141.0, 217.0, 190.0])  # N.s2/m2
 
 
 def scripted_policy(task: Task | TeamTask) -> Policies:
-    """Return a task's controller: one, or one for each agent."""
+    """Return a task's controller; for a team, one for each agent.
+
+    Raises InputInvalid for a task without a controller.
+    """
     if isinstance(task, TargetTracking):
         d_safe = max(task.rules.d_su, task.rules.d_st, task.rules.d_so)
         wanted = task.rules.d_st + SHARE * (task.rules.d_m - task.rules.d_st)
@@ -55,6 +60,8 @@ def scripted_policy(task: Task | TeamTask) -> Policies:
         moves = isinstance(task, TrajectoryFollowing)
         name = task.actions[0].name
         over = task.altitude if isinstance(task, AltitudeFollowing) else 0.0
+        if name.startswith(("allocation.", "controller.")) and task.vehicle != HEAVY:
+            return _of_vehicle(task, moves, over)
         if over and name.startswith(("allocation.", "controller.")):
             hold = hold_pose if name.startswith("allocation.") else hold_velocity
             return lambda o: hold(with_slope(o, over), True)
@@ -69,8 +76,44 @@ def scripted_policy(task: Task | TeamTask) -> Policies:
     )
 
 
+def _of_vehicle(task: PoseTask, moves: bool, over: float) -> Policy:
+    """Return the controller of a vehicle other than the BlueROV2 Heavy.
+
+    Its gains on pose and velocity are those of `control_design`, without an integral. Axes that
+    the thrusters do not control have no column.
+    """
+    high = np.array([c.high for c in task.actions], np.float64)
+    design = control_design(task.vehicle)
+    axes = list(design.thrusters.controlled)
+    K_p, K_d = design.K[:, 6:12], design.K[:, 12:]
+
+    def force(o: NDArray[np.generic]) -> Array:
+        e, nu_d, nu = _errors(o, moves)
+        tau = e @ K_p.T + (nu_d - nu) @ K_d.T
+        return np.asarray(np.clip(tau[:, axes] / high, -1.0, 1.0))
+
+    kept = [column for column, i in enumerate((0, 1, 2, 5)) if i in axes]
+
+    def velocity(o: NDArray[np.generic]) -> Array:
+        return np.asarray(np.clip(_velocity(o, moves)[:, kept] / high, -1.0, 1.0))
+
+    hold = force if task.actions[0].name.startswith("allocation.") else velocity
+    if over:
+        return lambda o: hold(with_slope(o, over))
+    return hold
+
+
 def hold_pose(observation: NDArray[np.generic], moves: bool = False) -> Array:
     """Return forces: PD on the pose, with the drag of the wanted velocity fed forward."""
+    e, nu_d, nu = _errors(observation, moves)
+    v = nu_d[:, :3]
+    tau = KP * e + KD * (nu_d - nu)
+    tau[:, :3] += (D_L + D_Q * np.abs(v)) * v
+    return np.asarray(np.clip(tau / FORCE, -1.0, 1.0))
+
+
+def _errors(observation: NDArray[np.generic], moves: bool) -> tuple[Array, Array, Array]:
+    """Return the error of pose, the wanted velocity and the velocity, each (n, 6) in b."""
     o = np.asarray(observation, float)
     down = o[:, 5:8]
     turn = np.arctan2(o[:, 3], o[:, 4])
@@ -79,25 +122,27 @@ def hold_pose(observation: NDArray[np.generic], moves: bool = False) -> Array:
     nu_d = np.zeros((len(o), 6))
     if moves:
         nu_d[:, :3], nu_d[:, 5] = o[:, 14:17], o[:, 17]
-    v = nu_d[:, :3]
-    tau = KP * e + KD * (nu_d - o[:, 8:14])
-    tau[:, :3] += (D_L + D_Q * np.abs(v)) * v
-    return np.asarray(np.clip(tau / FORCE, -1.0, 1.0))
+    return e, nu_d, o[:, 8:14]
 
 
 def hold_velocity(observation: NDArray[np.generic], moves: bool = False) -> Array:
     """Return velocities: proportional to the error of pose, plus the wanted velocity."""
+    return np.asarray(np.clip(_velocity(observation, moves) / SPEED, -1.0, 1.0))
+
+
+def _velocity(observation: NDArray[np.generic], moves: bool) -> Array:
+    """Return the velocity u v w r (n, 4) that leads to the wanted pose."""
     o = np.asarray(observation, float)
     v = 1.2 * o[:, :3] + (o[:, 14:17] if moves else 0.0)
     r = 1.5 * np.arctan2(o[:, 3], o[:, 4]) + (o[:, 17] if moves else 0.0)
-    return np.asarray(np.clip(np.column_stack([v, r]) / SPEED, -1.0, 1.0))
+    return np.column_stack([v, r])
 
 
 def with_slope(observation: NDArray[np.generic], altitude: float) -> Array:
-    """Add the seabed's slope to the wanted velocity, from both echoes of altitude following.
+    """Add the slope of the seabed, from both echoes of altitude following, to the wanted velocity.
 
-    With d the range down and r that ahead, first heard from the angle a, the seabed falls by
-    r cos a - d within r sin a.
+    The vertical beam has the range d, and the beam ahead the range r, whose first echo comes from
+    the angle a. The seabed then falls by r cos a - d over the distance r sin a.
     """
     o = np.array(observation, float)
     d = np.maximum(altitude + o[:, 2], 0.3)
@@ -114,10 +159,11 @@ def track_target(
     d_safe: float,
     arena: tuple[float, ...],
 ) -> Array:
-    """Return (a, omega): go to `wanted` m from the target, away from what is close.
+    """Return (a, omega) that lead to `wanted` m from the target and away from close objects.
 
     The wanted velocity is a sum in the vehicle's own axes. If it points more than a right angle
-    away from the bow, the vehicle drives backwards.
+    away from the bow, the vehicle drives backwards. `slots`, `arena` and `d_safe` are those of the
+    task.
     """
     o = np.asarray(observation, float)
     flag, p = o[:, OWN], o[:, OWN + 1 : OWN + 3]
@@ -152,7 +198,7 @@ def track_target(
 
 
 def _around(o: Array, slots: tuple[int, int], d_safe: float) -> Iterator[tuple[Array, ...]]:
-    """Return each slot's flag, direction and distance beyond d_safe."""
+    """Return for each slot its flag, the direction, and the distance minus `d_safe`."""
     first = OWN + TARGET
     for i in range(sum(slots)):
         other = i < slots[0]

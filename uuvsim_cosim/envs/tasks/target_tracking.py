@@ -1,7 +1,7 @@
 """Target tracking: N vehicles in a pool follow a moving target, without collisions.
 
 State (5), action (6) and reward (7) of the UUVSim paper; `tracking_reward` holds its numbers, and
-docs/learning/tasks.md lists the choices that the paper leaves open.
+docs/learning/target_tracking.md lists the choices that the paper leaves open.
 """
 
 from __future__ import annotations
@@ -9,16 +9,30 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from fractions import Fraction
 from functools import lru_cache
-from typing import TYPE_CHECKING, Literal, get_args
+from typing import TYPE_CHECKING, Any, Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
 from uuvsim_cosim.envs.task.episode_draws import Draws
+from uuvsim_cosim.envs.task.expressions import Logical, Symbols
 from uuvsim_cosim.envs.task.task import Array, Channel, Mask, Moment, Randomised, Symmetry, TeamTask
 from uuvsim_cosim.envs.tasks.ranges import known_options, numbers, one_of, randomised, whole, within
-from uuvsim_cosim.envs.tasks.tracking_observation import Seen, egocentric, largest, symmetries
-from uuvsim_cosim.envs.tasks.tracking_reward import Scene, Terms, reward_terms, rules_of
+from uuvsim_cosim.envs.tasks.tracking_observation import (
+    Seen,
+    egocentric,
+    egocentric_expression,
+    largest,
+    symmetries,
+)
+from uuvsim_cosim.envs.tasks.tracking_reward import (
+    Scene,
+    Terms,
+    mean_over,
+    reward_terms,
+    rules_of,
+    terms_expression,
+)
 from uuvsim_cosim.envs.tasks.tracking_start import Arena, drawn_scene, waypoints
 from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.orchestrator.shipped.tracking import (
@@ -35,18 +49,23 @@ if TYPE_CHECKING:
 
 __all__ = ["TargetTracking", "tracking_system"]
 
+SORTED = 8  # obstacles whose order is written out in the expressions
 A_MAX, OMEGA_MAX, V_MAX = 0.4, 1.5, 0.4  # m/s2, rad/s, m/s: the preset tracking_pilot
 Motion = Literal["random_heading", "flee", "path", "rest"]
 
 
 class TargetTracking(TeamTask):
-    """N trackers, M obstacles, one target; an episode is 50 actions of 0.4 s.
+    """Target tracking: `n_trackers` vehicles follow a target among `n_obstacles` obstacles.
 
-    `motion` is that of the target, at `target_speed`; "rest" is the source scenario's point.
-    `profile` and `rules` choose and change TrackingRules; `vehicle` is pool8 or bluerov2_heavy.
-    The target's position is measured with `delay` [s], `noise` [m] and `loss`; a tracker farther
-    from it than `knowledge_range` [m] does not observe it. `slots` are the numbers of other
-    trackers and of obstacles in an observation. `frame` is that of v_i in the state.
+    An episode has 50 actions of 0.4 s. `motion` is the motion of the target with `target_speed`
+    [m/s]: "random_heading", "flee", "path", or "rest", the point of the source scenario. `profile`
+    selects the rules of the reward, and `rules` changes them by name (see `TrackingRules`).
+    `vehicle` is "pool8" or "bluerov2_heavy", and `arena` the size of the pool in N, E and D [m].
+
+    Positions are measured with `delay` [s], standard deviation `noise` [m] and the share `loss` of
+    lost messages. A tracker that is farther from the target than `knowledge_range` [m] does not
+    observe it. `slots` are the numbers of other trackers and of obstacles in an observation.
+    `frame`, "body" or "world", is the frame of the velocities in the state.
     """
 
     def __init__(
@@ -138,7 +157,7 @@ class TargetTracking(TeamTask):
         )
         self.stride = V_MAX * float(self.action_step)
 
-    # ---- what an environment asks ---------------------------------------------------------
+    # ---- the task's methods ---------------------------------------------------------------
 
     def observe(self, m: Moment) -> Mapping[str, Array]:
         """Return each tracker's egocentric observation, clipped to its limits."""
@@ -158,7 +177,7 @@ class TargetTracking(TeamTask):
         return -high, high
 
     def symmetries(self) -> tuple[Symmetry, ...]:
-        """Return the arena's symmetries; none with a path or a randomisation, which break them."""
+        """Return the arena's symmetries; () with a path or a randomisation, which break them."""
         if self.motion == "path" or self.randomisation is not None:
             return ()
         return symmetries(self.slots)
@@ -169,13 +188,17 @@ class TargetTracking(TeamTask):
         return {agent: rewards[:, i] for i, agent in enumerate(self.agents)}
 
     def terminated(self, m: Moment) -> Mapping[str, Mask]:
-        """Return the episodes that a collision has ended; none without `end_on_collision`."""
+        """Return the episodes that a collision has ended; none if `end_on_collision` is False."""
         ends = self.rules.end_on_collision
         ended = self.terms(m).violated.any(axis=1) if ends else np.zeros(m.n, bool)
         return dict.fromkeys(self.agents, np.asarray(ended))
 
     def state(self, m: Moment) -> Array:
-        """Return (5): x y theta of each, v_x v_y omega of each, target, obstacles (x y r h)."""
+        """Return the state, equation (5), of shape (n, width).
+
+        It has x, y, theta of each tracker, v_x, v_y, omega of each tracker, x, y of the target, and
+        x, y, radius, height of each obstacle [m, rad, m/s, rad/s].
+        """
         eta, nu = self._of_all(m, "hull.eta"), self._of_all(m, "hull.nu")
         v = nu[:, :, [0, 1, 5]]
         if self.frame == "world":
@@ -188,14 +211,18 @@ class TargetTracking(TeamTask):
         return np.asarray(np.clip(flat, low, high))
 
     def state_limits(self) -> tuple[Array, Array]:
-        """Return the limits of (5) [m, rad, m/s, rad/s]."""
+        """Return the limits of the state, equation (5) [m, rad, m/s, rad/s]."""
         x, y, z = self.arena.size
         high = [x, y, np.pi] * self.n_trackers + [2.0, 2.0, 10.0] * self.n_trackers + [x, y]
         high += [x, y, max(x, y), z] * self.n_obstacles
         return -np.array(high), np.array(high)
 
     def info(self, m: Moment) -> Mapping[str, NDArray[np.generic]]:
-        """Return track, dist [m], viol and clean of this step, and each weighted term's mean."""
+        """Return the metrics of this step, and the mean of each weighted term of the reward.
+
+        "track": the nearest tracker is within d_m of the target; "dist": its distance [m]; "viol"
+        and "clean": whether there is a penalty, and whether there is none.
+        """
         t, rules = self.terms(m), self.rules
         viol = t.violated.any(axis=1)
         return {
@@ -204,15 +231,98 @@ class TargetTracking(TeamTask):
             "viol": viol,
             "clean": ~viol,
             "r_c": rules.w_c * t.r_c,
-            "r_t": rules.w_t * t.r_t.mean(axis=1),
-            "r_a": rules.w_a * t.r_a.mean(axis=1),
-            "p_1": rules.w_p * t.p_1.mean(axis=1),
-            "p_2": rules.w_p * t.p_2.mean(axis=1),
-            "p_3": rules.w_p * t.p_3.mean(axis=1),
+            "r_t": rules.w_t * mean_over(t.r_t),
+            "r_a": rules.w_a * mean_over(t.r_a),
+            "p_1": rules.w_p * mean_over(t.p_1),
+            "p_2": rules.w_p * mean_over(t.p_2),
+            "p_3": rules.w_p * mean_over(t.p_3),
+        }
+
+    def expressions(self, m: Symbols) -> Mapping[str, Any] | None:
+        """Return observations, rewards, ends and infos of up to two trackers as expressions.
+
+        None for more trackers, many obstacles, and edges of weight exp(...).
+        """
+        import casadi as ca
+
+        from uuvsim_cosim.models.declaration.safe_math import clip
+
+        if self.n_trackers > 2 or self.n_obstacles > SORTED:
+            return None
+        rules, agents = self.rules, self.agents
+        obstacles: list[Any] = []
+        if self.n_obstacles:
+            rows = m.start["target.obstacles"]
+            obstacles = [[rows[k, j] for j in range(4)] for k in range(rows.shape[0])]
+        circles = [o[:3] for o in obstacles]
+        reaches = [self.arena.size[2] - o[3] <= DEPTH for o in obstacles]
+
+        def scene(at: Symbols) -> Scene:
+            trackers = [at[f"{a}.hull.eta"] for a in agents]
+            return Scene(trackers, at["target.position"], circles, reaches)
+
+        t = terms_expression(scene(m), scene(m.before), rules, self.stride)
+        if t is None:
+            return None
+        eta = [m[f"{a}.hull.eta"] for a in agents]
+        target, earlier = m["target.position"], m.before["target.position"]
+        if self.links:
+            first, second = m.step == 0, m.step <= 1
+            eta = [
+                ca.if_else(first, x, m[f"{a}.positioning.y"])
+                for a, x in zip(agents, eta, strict=True)
+            ]
+            target = ca.if_else(first, target, m["positioning.y"])
+            earlier = ca.if_else(second, earlier, m.before["positioning.y"])
+        known = [ca.SX(1.0)] * len(agents)
+        if self.knowledge_range is not None:
+            apart = [(target[0] - x[0], target[1] - x[1]) for x in eta]
+            known = [x * x + y * y <= self.knowledge_range**2 for x, y in apart]
+        seen = Seen(
+            eta=eta,
+            nu=[m[f"{a}.hull.nu"] for a in agents],
+            u_d=[m[f"{a}.pilot.nu_d"][0] for a in agents],
+            target=[target] * len(agents),
+            target_before=[earlier] * len(agents),
+            known=known,
+            obstacles=circles,
+            reaches=reaches,
+        )
+        size = self.arena.size[:2]
+        whole = [
+            egocentric_expression(i, seen, self.slots, size, V_MAX, self.stride)
+            for i in range(len(agents))
+        ]
+        own = [
+            rules.w_t * r_t + rules.w_a * r_a + rules.w_p * (p_1 + p_2 + p_3)
+            for r_t, r_a, p_1, p_2, p_3 in zip(t.r_t, t.r_a, t.p_1, t.p_2, t.p_3, strict=True)
+        ]
+        if rules.credit == "team":
+            own = [mean_over(own)] * len(agents)
+        viol = ca.SX(0.0) == 1.0
+        for term in (*t.p_1, *t.p_2, *t.p_3):
+            viol = ca.logic_or(viol, term != 0.0)
+        ended = viol if rules.end_on_collision else ca.SX(0.0)
+        return {
+            "observe": {a: clip(o, *self.limits(a)) for a, o in zip(agents, whole, strict=True)},
+            "reward": {a: x + rules.w_c * t.r_c for a, x in zip(agents, own, strict=True)},
+            "terminated": dict.fromkeys(agents, ended),
+            "info": {
+                "track": Logical(t.nearest <= rules.d_m),
+                "dist": t.nearest,
+                "viol": Logical(viol),
+                "clean": Logical(ca.logic_not(viol)),
+                "r_c": rules.w_c * t.r_c,
+                "r_t": rules.w_t * mean_over(t.r_t),
+                "r_a": rules.w_a * mean_over(t.r_a),
+                "p_1": rules.w_p * mean_over(t.p_1),
+                "p_2": rules.w_p * mean_over(t.p_2),
+                "p_3": rules.w_p * mean_over(t.p_3),
+            },
         }
 
     def start(self, draws: Draws) -> Mapping[str, Array]:
-        """Draw a legal start, and what the randomisation declares."""
+        """Return start values: a start without collisions, and those of the randomisation."""
         n = draws.n
         drawn = drawn_scene(draws, self.arena, self.rules, self.n_trackers, self.n_obstacles)
         start: dict[str, Array] = {

@@ -1,4 +1,8 @@
-"""Reward of target tracking, equation (7), its numbers and named choices, and their profiles."""
+"""Reward of target tracking, equation (7): its parameters, named choices, and profiles.
+
+`reward_terms` is for arrays of n environments, `terms_expression` for the symbols of one. Both have
+the same operations in the same order, and so the same bits.
+"""
 
 from __future__ import annotations
 
@@ -19,8 +23,10 @@ __all__ = [
     "TrackingRules",
     "distances",
     "lambda_2",
+    "mean_over",
     "reward_terms",
     "rules_of",
+    "terms_expression",
 ]
 
 Array = NDArray[np.float64]
@@ -30,9 +36,9 @@ CONNECTED = 1e-9  # lambda_2 above it
 
 @dataclass(frozen=True)
 class TrackingRules:
-    """Distances, rewards and weights; the defaults are the profile `default`.
+    """Rules of the reward of target tracking; the defaults are the profile "default".
 
-    A reward is  w_c r_c + w_t r_t + w_a r_a + w_p (p_1 + p_2 + p_3).
+    The reward of a tracker is w_c r_c + w_t r_t + w_a r_a + w_p (p_1 + p_2 + p_3).
     """
 
     d_su: float = 0.38  # m, between trackers
@@ -41,28 +47,28 @@ class TrackingRules:
     d_m: float = 1.2  # m, the target counts as tracked within it
     r_c: float = 1000.0  # for a connected team
     r_t: float = 2.0  # for a target that is tracked
-    r_a: float = 1.0  # for coming closer
-    p_1: float = -500.0  # a tracker within d_su of another
-    p_2: float = -500.0  # within d_st of the target
-    p_3: float = -500.0  # within d_so of an obstacle
+    r_a: float = 1.0  # for a smaller distance to the target
+    p_1: float = -500.0  # for a tracker within d_su of another tracker
+    p_2: float = -500.0  # for a tracker within d_st of the target
+    p_3: float = -500.0  # for a tracker within d_so of an obstacle
     w_c: float = 1e-3
     w_t: float = 1.0
     w_a: float = 1.0
     w_p: float = 0.01
-    # "algebraic": r_c lambda_2 / N, 0 for N = 1; "literal": r_c unless lambda_2 < 0, that is always
+    # "algebraic": r_c lambda_2 / N, 0 for N = 1; "literal": r_c unless lambda_2 < 0: always r_c
     connectivity: Literal["algebraic", "literal"] = "algebraic"
-    # "range": an edge iff within 2 d_m, of weight 1; "exponential": weight exp(-d² / (2 d_m²))
+    # "range": an edge of weight 1 if within 2 d_m; "exponential": weight exp(-d² / (2 d_m²))
     edges: Literal["range", "exponential"] = "range"
     # "potential": clip((d_before - d) / (v_max dt), -1, 1); "literal": 1 if d has fallen, else 0
     approach: Literal["potential", "literal"] = "potential"
-    # "team": the mean of all, the same for each agent; "own": each its own terms
+    # "team": each tracker gets the mean over all; "own": each tracker gets its own terms
     credit: Literal["team", "own"] = "team"
-    end_on_collision: bool = False  # what p_1 to p_3 punish also ends the episode
+    end_on_collision: bool = False  # whether a penalty p_1 to p_3 also ends the episode
 
 
 PROFILES: dict[str, TrackingRules] = {
     "default": TrackingRules(),
-    # The paper to the letter: no weights, a bonus for lambda_2 not below 0, r_a for "reduced".
+    # The paper, literally: no weights, r_c for lambda_2 not below 0, r_a for a reduced distance.
     "table1": TrackingRules(
         w_c=1.0, w_p=1.0, connectivity="literal", approach="literal", credit="team"
     ),
@@ -71,7 +77,7 @@ HEAVY = {"d_su": 0.75, "d_st": 0.75, "d_so": 0.75}  # two BlueROV2 Heavy hulls, 
 
 
 def rules_of(profile: str, vehicle: str, **changes: Any) -> TrackingRules:
-    """Return a profile's rules, with the distances that the vehicle needs, and changes by name."""
+    """Return the rules of a profile with the vehicle's safe distances and changes by name."""
     one_of("profile", profile, list(PROFILES))
     rules = PROFILES[profile]
     types = get_type_hints(TrackingRules)
@@ -92,36 +98,48 @@ def rules_of(profile: str, vehicle: str, **changes: Any) -> TrackingRules:
 class Scene:
     """All positions at one instant, in the horizontal plane [m]."""
 
-    trackers: Array  # (n, N, 2)
-    target: Array  # (n, 2)
-    obstacles: Array  # (n, M, 3): N, E, radius
-    reaches: Mask  # (n, M): which obstacles are tall enough to count
+    trackers: Any  # (n, N, 2)
+    target: Any  # (n, 2)
+    obstacles: Any  # (n, M, 3): N, E, radius
+    reaches: Any  # (n, M): obstacles that are tall enough to reach the trackers' depth
 
 
 @dataclass(frozen=True)
 class Terms:
-    """The terms of the reward, of shape (n,) or (n, N)."""
+    """The terms of the reward, of shape (n,) or (n, N), or expressions and lists of them."""
 
-    r_c: Array
-    r_t: Array
-    r_a: Array
-    p_1: Array
-    p_2: Array
-    p_3: Array
-    nearest: Array  # m, of a tracker to the target
+    r_c: Any
+    r_t: Any
+    r_a: Any
+    p_1: Any
+    p_2: Any
+    p_3: Any
+    nearest: Any  # m, distance of the nearest tracker to the target
 
     @property
     def violated(self) -> Mask:
         """The trackers with a penalty, of shape (n, N)."""
         return np.asarray((self.p_1 != 0) | (self.p_2 != 0) | (self.p_3 != 0))
 
-    def rewards(self, rules: TrackingRules) -> Array:
+    def rewards(self, rules: TrackingRules) -> Any:
         """Return each tracker's reward, of shape (n, N)."""
         own = rules.w_t * self.r_t + rules.w_a * self.r_a
         own = own + rules.w_p * (self.p_1 + self.p_2 + self.p_3)
         if rules.credit == "team":
-            own = np.repeat(own.mean(axis=1, keepdims=True), own.shape[1], axis=1)
+            own = np.repeat(mean_over(own)[:, None], own.shape[1], axis=1)
         return np.asarray(own + rules.w_c * self.r_c[:, None])
+
+
+def mean_over(values: Any) -> Any:
+    """Return the mean over the trackers, of arrays (n, N) or of a sequence of expressions.
+
+    The order of additions does not depend on n.
+    """
+    columns = values.T if isinstance(values, np.ndarray) else values
+    total = columns[0]
+    for column in columns[1:]:
+        total = total + column
+    return total / len(columns)
 
 
 def distances(a: Array, b: Array) -> Array:
@@ -173,4 +191,57 @@ def reward_terms(now: Scene, before: Scene, rules: TrackingRules, stride: float)
         p_2=np.where(d < rules.d_st, rules.p_2, 0.0),
         p_3=np.where(surfaces.min(axis=2, initial=np.inf) < rules.d_so, rules.p_3, 0.0),
         nearest=d.min(axis=1),
+    )
+
+
+def terms_expression(now: Any, before: Any, rules: TrackingRules, stride: float) -> Terms | None:
+    """Return `reward_terms` as CasADi expressions; None for rules that only NumPy has.
+
+    `now` and `before` are scenes of symbols without the first axis. Each term of N trackers is a
+    list. An eigenvalue of more than two trackers has no expression.
+    """
+    import casadi as ca
+
+    from uuvsim_cosim.models.declaration.safe_math import clip
+
+    N = len(now.trackers)
+    if N > 2 or rules.edges != "range":
+        return None
+
+    def apart(a: Any, b: Any) -> Any:
+        x, y = a[0] - b[0], a[1] - b[1]
+        return ca.sqrt(x * x + y * y)
+
+    def least(values: list[Any]) -> Any:
+        smallest = values[0]
+        for value in values[1:]:
+            smallest = ca.if_else(value < smallest, value, smallest)
+        return smallest
+
+    d = [apart(p, now.target) for p in now.trackers]
+    earlier = [apart(p, before.target) for p in before.trackers]
+    between = apart(*now.trackers) if N == 2 else ca.SX(np.inf)
+    second = 2.0 * (between <= 2.0 * rules.d_m) if N == 2 else ca.SX(0.0)
+    connected = second / N if rules.connectivity == "algebraic" else second >= 0.0
+    if rules.approach == "potential":
+        approach = [clip((b - a) / stride, -1.0, 1.0) for a, b in zip(d, earlier, strict=True)]
+    else:
+        approach = [a < b for a, b in zip(d, earlier, strict=True)]
+    surfaces = [
+        [
+            ca.if_else(reaches, apart(p, o) - o[2], np.inf)
+            for o, reaches in zip(now.obstacles, now.reaches, strict=True)
+        ]
+        for p in now.trackers
+    ]
+    return Terms(
+        r_c=rules.r_c * connected,
+        r_t=[ca.if_else(x <= rules.d_m, rules.r_t, 0.0) for x in d],
+        r_a=[rules.r_a * x for x in approach],
+        p_1=[ca.if_else(between < rules.d_su, rules.p_1, 0.0)] * N,
+        p_2=[ca.if_else(x < rules.d_st, rules.p_2, 0.0) for x in d],
+        p_3=[
+            ca.if_else(least(s) < rules.d_so, rules.p_3, 0.0) if s else ca.SX(0.0) for s in surfaces
+        ],
+        nearest=least(d),
     )

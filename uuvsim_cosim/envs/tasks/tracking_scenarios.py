@@ -11,22 +11,22 @@ __all__ = ["SCENARIOS", "source", "target", "transition_1", "transition_2"]
 
 
 def source(**options: Any) -> TargetTracking:
-    """One tracker, a target at rest."""
+    """Source scenario: one tracker goes to a target at rest."""
     return TargetTracking(**{"n_trackers": 1, "n_obstacles": 0, "motion": "rest", **options})
 
 
 def transition_1(**options: Any) -> TargetTracking:
-    """One tracker, a target that moves."""
+    """Transition 1: one tracker follows a moving target."""
     return TargetTracking(**{"n_trackers": 1, "n_obstacles": 0, **options})
 
 
 def transition_2(**options: Any) -> TargetTracking:
-    """Two trackers that cooperate, a target that moves."""
+    """Transition 2: two trackers that cooperate follow a moving target."""
     return TargetTracking(**{"n_trackers": 2, "n_obstacles": 0, **options})
 
 
 def target(**options: Any) -> TargetTracking:
-    """Two trackers, a target that moves, and two obstacles."""
+    """Target scenario: two trackers follow a moving target among two obstacles."""
     return TargetTracking(**{"n_trackers": 2, "n_obstacles": 2, **options})
 
 

@@ -1,4 +1,4 @@
-"""Start of an episode of target tracking: uniform in the arena, and legal."""
+"""Start of an episode of target tracking: uniform in the arena, with safe distances (legal)."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ RADIUS, TALL = (0.1, 0.2), (0.7, 1.1)  # m, of obstacles
 
 @dataclass(frozen=True)
 class Arena:
-    """The arena's size, with its middle at N = E = 0, and distances from the walls at the start."""
+    """Size of the arena, whose middle is at N = E = 0, and the distances of a legal start."""
 
     size: tuple[float, float, float] = (2.6, 4.8, 1.1)  # m, along N, E, D
-    from_wall: float = 0.3  # m, trackers and obstacles' surfaces at the start
+    from_wall: float = 0.3  # m, of trackers and of the surfaces of obstacles
     target_from_wall: float = 0.25  # m
-    clearance: float = 0.05  # m, more than the safe distances
-    target_clearance: float = 0.3  # m, target from the surface of obstacles
+    clearance: float = 0.05  # m, in addition to the safe distances
+    target_clearance: float = 0.3  # m, of the target from the surfaces of obstacles
 
 
 @dataclass(frozen=True)
@@ -58,7 +58,7 @@ def drawn_scene(
 
 
 def waypoints(draws: Draws, arena: Arena) -> dict[str, Array]:
-    """Draw a target's path: four waypoints, one in each quarter of the arena, in their order."""
+    """Draw the path of a target: four waypoints, one in each quarter of the arena, in order."""
     x, y = (s / 2 - 0.4 for s in arena.size[:2])
     share = draws.uniform("target/path", 0.2, 1.0, (4, 2))
     points = np.zeros((draws.n, WAYPOINTS, 2))

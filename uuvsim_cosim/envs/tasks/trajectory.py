@@ -8,8 +8,9 @@ from typing import Any
 import numpy as np
 
 from uuvsim_cosim.envs.task.episode_draws import Draws
+from uuvsim_cosim.envs.task.expressions import Symbols, sin_cos
 from uuvsim_cosim.envs.task.task import Array, Moment
-from uuvsim_cosim.envs.tasks.coordinates import in_body
+from uuvsim_cosim.envs.tasks.coordinates import in_body, in_body_expression
 from uuvsim_cosim.envs.tasks.pose import PoseTask
 from uuvsim_cosim.envs.tasks.ranges import pair, within
 from uuvsim_cosim.errors import InputInvalid
@@ -21,12 +22,14 @@ CURVES = ("lemniscate", "helix", "line")
 
 
 class TrajectoryFollowing(PoseTask):
-    """Follow the curve of the component `reference`, drawn anew in each episode.
+    """Follow a reference that moves along a curve, which each episode draws anew.
 
-    The shape is drawn from `curves`, the speed from `speed` [m/s]; the size (radius 1.5 to 3 m),
-    course, sense and climb are drawn too. Besides the numbers of `PoseTask`, the observation has
-    the reference's velocity in body axes (3), its yaw rate (1), and its next 4 points, 0.5 s
-    apart, relative to the vehicle in body axes (12, over 1 m).
+    The shape is drawn from `curves` ("lemniscate", "helix", "line"), the speed within `speed`
+    [m/s]. The size (radius 1.5 to 3 m), the course, the sense of rotation and the climb are drawn,
+    too. The vehicle starts up to `away` m from the reference along each axis. Reward and other
+    options are those of all tasks with a wanted pose (`PoseTask`, docs/learning/tasks.md). The
+    observation also has the velocity of the reference in body axes (3), its yaw rate (1), and its
+    next 4 points, 0.5 s apart, relative to the vehicle in body axes (12, over 1 m).
     """
 
     def __init__(
@@ -52,25 +55,43 @@ class TrajectoryFollowing(PoseTask):
         return m["reference.eta_d"][:, [0, 1, 2, 5]]
 
     def more(self, m: Moment, R: Array) -> list[Array]:
-        """Return the reference's velocity, and its points to come."""
+        """Return the velocity of the reference, and its next points."""
         psi = m["reference.eta_d"][:, 5]
         nu_d = m["reference.nu_d"]
-        moves = np.stack([nu_d[:, 0] * np.cos(psi), nu_d[:, 0] * np.sin(psi), nu_d[:, 2]], axis=1)
+        s, c = sin_cos(psi)
+        moves = np.stack([nu_d[:, 0] * c, nu_d[:, 0] * s, nu_d[:, 2]], axis=1)
         here = m[f"{self.known}.eta"][:, None, :3]
         ahead = in_body(R, m["reference.ahead"].reshape(m.n, AHEAD, 3) - here)
         return [in_body(R, moves), nu_d[:, 5:], ahead.reshape(m.n, -1)]
 
+    def expressions(self, m: Symbols) -> Mapping[str, Any] | None:
+        """Return the expressions of the task, which has no privileged observations."""
+        import casadi as ca
+
+        point, nu_d, ahead = (m[f"reference.{name}"] for name in ("eta_d", "nu_d", "ahead"))
+        here = m[f"{self.known}.eta"]
+
+        def more(R: Any) -> list[Any]:
+            moves = [nu_d[0] * ca.cos(point[5]), nu_d[0] * ca.sin(point[5]), nu_d[2]]
+            parts = [*in_body_expression(R, moves), nu_d[5]]
+            for i in range(AHEAD):
+                away = [ahead[3 * i + k] - here[k] for k in range(3)]
+                parts += in_body_expression(R, away)
+            return parts
+
+        return self.pose_expressions(m, [point[k] for k in (0, 1, 2, 5)], more)
+
     def path(self, m: Moment) -> Array:
-        """Return the reference and its points to come."""
+        """Return the reference and its next points."""
         here = m["reference.eta_d"][:, None, :3]
         return np.concatenate([here, m["reference.ahead"].reshape(m.n, AHEAD, 3)], axis=1)
 
     def more_limits(self) -> list[float]:
-        """Return their limits."""
+        """Return the limits of the numbers of `more`."""
         return [1.0] * 3 + [2.0] + [2 * self.region] * (3 * AHEAD)
 
     def start(self, draws: Draws) -> Mapping[str, Array]:
-        """Draw the curve, and a start near its beginning."""
+        """Return start values: the curve, and a start of the vehicle near the curve's start."""
         n = draws.n
         chosen = np.array([CURVES.index(c) for c in self.curves])
         kind = chosen[np.floor(draws.uniform("curve", 0, len(chosen))).astype(int)]

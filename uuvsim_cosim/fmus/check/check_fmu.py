@@ -120,10 +120,10 @@ def relied_on(path: Path, looks: Sequence[Look]) -> dict[str, str]:
     failed = {look.check for look in looks if look.result == "finding"}
     passed = {look.check for look in looks if look.result == "ok"}
     if "run" in failed:
-        summary["run"] = "no: see what was found"
+        summary["run"] = "no: see the findings"
     if "state" in failed and fmu.description.can_get_and_set_state:
         for topic in ("reset", "snapshot", "iterated groups"):
-            summary[topic] = "not as declared: its state did not come back, see what was found"
+            summary[topic] = "not as declared: its state was not restored, see the findings"
     summary["FMI's own reset"] = _word("reset", passed, failed)
     summary["same bits each time"] = _word("determinism", passed, failed)
     return summary

@@ -31,18 +31,19 @@ def reliance(fmu: FmuArchive) -> dict[str, str]:
         "reset": "restores its state of Initialization Mode" if state
         else "frees the instance, then makes another; nothing is unpacked or loaded again" if once
         else "takes a fresh instance from a pool; nothing is unpacked or loaded again",
-        "snapshot": "no: the master refuses, for it cannot copy its state" if not state
+        "snapshot": "no: the master refuses, because it cannot copy its state" if not state
         else "in memory and in files" if d.can_serialize_state
-        else "in memory; not in files, for it cannot serialize its state",
-        "iterated groups": "may be a member" if state
-        else "no: refused, for a step cannot be repeated; so is an algebraic loop through it",
+        else "in memory; not in files, because it cannot serialize its state",
+        "iterated groups": "possible" if state
+        else "no: refused, because a step cannot be repeated; an algebraic loop through it is "
+        "refused as well",
         "loops in initialization": "solved with its directional derivatives"
         if d.provides_directional_derivatives else "solved with finite differences",
         "feedthrough": "declared for every output" if not undeclared
-        else f"not declared for {', '.join(undeclared[:3])}{more}: taken as none in stepping, "
-        "where a loop through it is delayed and named, and as all in initialization",
-        "instances": "one in a process; each further one gets a process of its own" if once
-        else "any number in one process",
+        else f"not declared for {', '.join(undeclared[:3])}{more}: assumed absent in stepping, "
+        "where a loop through it is delayed and reported, and present in initialization",
+        "instances": "one per process; each further one runs in a separate process" if once
+        else "any number per process",
     }  # fmt: skip
 
 

@@ -237,7 +237,7 @@ def deviations(fmu: FmuArchive, x: Component, reference: Reference) -> tuple[lis
         reached = k + 1
         compare(reached)
     off = [
-        f"{reference.name}: {targets[name][0].causality} {name!r} is off by {error:.3g} of its "
+        f"{reference.name}: {targets[name][0].causality} {name!r} deviates by {error:.3g} of its "
         f"range at t = {t:.9g} s; expected at most {reference.tolerance:g}"
         for name, (error, t) in worst.items()
     ]
@@ -247,7 +247,7 @@ def deviations(fmu: FmuArchive, x: Component, reference: Reference) -> tuple[lis
         f"at {compared} of {len(texts)} times, steps of {float(h):g} s"
     )
     if unknown:
-        message += f"; not in the FMU, so left out: {', '.join(unknown)}"
+        message += f"; ignored, because not in the FMU: {', '.join(unknown)}"
     return lost + off, message
 
 

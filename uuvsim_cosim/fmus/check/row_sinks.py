@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
 import csv
-import shutil
 import time
 from collections.abc import Sequence
 from decimal import Decimal
@@ -16,12 +16,12 @@ from uuvsim_cosim.closing import Closing
 from uuvsim_cosim.errors import InputInvalid, RecordingError
 from uuvsim_cosim.fmus.description import Variable
 from uuvsim_cosim.fmus.description_xml import DTYPES
+from uuvsim_cosim.fmus.resources import refuse_unless_it_fits
 
 __all__ = ["ColumnRows", "CsvRows", "Rows", "check_room"]
 
 _FLUSH = 0.2  # [s] between two flushes; a process that is killed loses the rows of this time
 _CELL = 20  # approximate bytes of a number in a CSV file
-_SMALL = 1e8  # bytes of a file for which the free space is not checked
 
 
 class Rows(Protocol):
@@ -115,7 +115,8 @@ class CsvRows(Closing):
             raise RecordingError(
                 self._shown,
                 f"{error.strerror or error} at t = {t:g} s",
-                "room on the disk; it holds the rows up to then, and the last may be incomplete",
+                "free space on the disk; the file contains the rows up to that time, and the last "
+                "may be incomplete",
             ) from None
         self.count += 1
         self.last_time = t
@@ -134,18 +135,13 @@ class CsvRows(Closing):
 def check_room(target: Path, rows: int, variables: Sequence[Variable]) -> None:
     """Refuse a CSV file of `rows` rows that the disk cannot hold; raises InputInvalid."""
     wanted = rows * _CELL * (1 + sum(v.size for v in variables))
-    try:
-        free = shutil.disk_usage(target.absolute().parent).free
-    except OSError:
-        return  # creating the file raises the error
-    if wanted > _SMALL and wanted > 0.9 * free:
-        raise InputInvalid(
+    with contextlib.suppress(OSError):  # creating the file raises the error
+        refuse_unless_it_fits(
             target,
-            (
-                f"its {Decimal(rows):.3g} rows would take about "
-                f"{Decimal(wanted) / 10**9:.3g} GB, and {free / 1e9:.3g} GB are free"
-            ),
+            f"its {Decimal(rows):.3g} rows",
+            wanted,
             "an earlier end (--until) or a longer step (--step)",
+            folder=target.absolute().parent,
         )
 
 

@@ -111,10 +111,11 @@ def simulate_fmu(
     start_time: float | None = None,
     interface: str | None = None,
 ) -> SimulationResult:
-    """Simulate an FMU from `start_time` to `until` [s], communicating every `step` [s].
+    """Simulate an `fmu` from `start_time` to `until` [s], communicating every `step` [s].
 
     Without `start_time`, from the start of its default experiment, else 0; without `until`, to
-    that experiment's end, else for 10 s; less if the FMU asks to end.
+    that experiment's end, else for 10 s; less if the FMU asks to end. Without `step`, with the step
+    of that experiment, else 0.01 s, or a longer one over a long time; the result notes it.
     `inputs` is a CSV file (first column: time), or a mapping: of constants and functions of
     time by name, or, with a key ``time``, of samples. Continuous inputs are interpolated, others
     held, at the communication points. `start` values may be text, as a user types them; structural
@@ -122,8 +123,17 @@ def simulate_fmu(
     outputs by default. Each call of the FMU goes into `trace`. `interface` is CoSimulation or
     ModelExchange, for an FMU that offers both (default: CoSimulation).
 
-    Raises InputInvalid or FmuError before anything runs, ComponentFailed while it runs; the
-    values up to then are its attribute `partial`, a SimulationResult.
+    Raises InputInvalid or FmuError before anything runs, ComponentFailed while it runs. The
+    attribute `partial` of that error, a SimulationResult, has the values up to then.
+
+    Example:
+
+    >>> import uuvsim_cosim as uuv
+    >>> from uuvsim_cosim.fmus import build_fmu, simulate_fmu
+    >>> fmu = build_fmu(uuv.declare("battery"))
+    >>> result = simulate_fmu(fmu, until=60.0, step=1.0, inputs={"current": 10.0})  # [A]
+    >>> result.time.shape, f"{result['voltage'][-1]:.2f} V"
+    ((61,), '16.46 V')
     """
     run = _Simulation(fmu, until, step, inputs, start, outputs, start_time, interface)
     rows = ColumnRows(run.recorded)
@@ -175,7 +185,7 @@ def simulate_fmu_to_csv(
     def ended() -> None:
         rows.close()
         if rows.count:
-            sys.stderr.write(f"uuvsim: the values up to then are in {target}\n")
+            sys.stderr.write(f"uuvsim: the values up to that time are in {target}\n")
 
     with CsvRows(target, run.recorded) as rows, AtComponentExit(ended):
         try:
@@ -274,7 +284,7 @@ class _Simulation:
             if free_end and tick is None and span > _MANY * _DEFAULT_STEP:
                 size = span / _FEW
                 self.notes = (
-                    f"the FMU gives no step for its experiment of {span:g} s: "
+                    f"the FMU states no step for its experiment of {span:g} s: "
                     f"{size:g} s was chosen",
                 )
         if free_end and tick is not None and tick > 0:

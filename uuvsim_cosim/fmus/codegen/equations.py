@@ -9,6 +9,7 @@ from typing import Any
 import casadi as ca
 
 from uuvsim_cosim.errors import ParameterInvalid
+from uuvsim_cosim.models.declaration.interruption import interruptible
 from uuvsim_cosim.models.declaration.model import Declared, Kind, Model
 
 __all__ = ["Equations", "Layout", "Placed", "equations"]
@@ -41,9 +42,13 @@ class Layout:
             self.count[kind] = n - self.offset[kind]
         self.size = n
 
+    @cached_property
+    def _offsets(self) -> dict[str, int]:
+        return {p.variable.name: p.offset for p in self.placed}
+
     def offset_of(self, name: str) -> int:
         """Return the offset of a variable's first element: its value reference."""
-        return next(p.offset for p in self.placed if p.variable.name == name)
+        return self._offsets[name]
 
     def derivative_of(self, state: Placed) -> int:
         """Return the value reference of a state's derivative; these follow the block."""
@@ -77,6 +82,7 @@ class Equations:
     updates: tuple[Any, ...]
 
 
+@interruptible()
 def equations(model: Model) -> Equations:
     """Collect a model's equations; raises ParameterInvalid if one is missing."""
     layout = Layout(model)

@@ -9,10 +9,18 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 from uuvsim_cosim.cache import content_hash
-from uuvsim_cosim.fmus.codegen.emit_c import emit_function, emit_networks, emit_tables, literal
+from uuvsim_cosim.fmus.codegen.emit_c import (
+    emit_function,
+    emit_networks,
+    emit_tables,
+    emit_update,
+    literal,
+)
 from uuvsim_cosim.fmus.codegen.equations import Equations, Layout, equations
+from uuvsim_cosim.fmus.codegen.held import moves, split
 from uuvsim_cosim.fmus.codegen.optimiser_code import emit_optimisers
 from uuvsim_cosim.fmus.codegen.runtime import runtime_files
+from uuvsim_cosim.models.declaration.interruption import interruptible
 from uuvsim_cosim.models.declaration.model import Kind, Model
 
 __all__ = [
@@ -46,6 +54,7 @@ def _runtime_hash() -> str:
     return content_hash([f.read_bytes() for f in runtime_files()])
 
 
+@interruptible()
 def lower(model: Model) -> Lowered:
     """Lower a declaration to C; the text is a pure function of the declaration."""
     eq = equations(model)
@@ -58,28 +67,29 @@ def lower(model: Model) -> Lowered:
         emit_networks(functions),
         emit_optimisers(functions),
     ]
+    outputs = emit_function(eq.outputs, "outputs(const V *b, V *out)", ("b", "out"))
+    rhs = emit_function(eq.rhs, "rhs(const V *b, V *dx)", ("b", "dx"))
+    step, n_held = split(rhs, moves(eq.layout), outputs=outputs)
     parts = [
         _writing(eq.derived, "derived", at["derived"]),
         _writing(eq.initial, "initial", at["state"]),
-        emit_function(eq.rhs, "rhs(const V *b, V *dx)", ("b", "dx")),
-        _writing(eq.outputs, "outputs", at["output"]),
+        *re.split(r"(?m)^(?=static void )", step),
+        outputs,
         emit_function(
             eq.forward,
             "forward(const V *b, const V *seed, V *sensitivity)",
             ("b", "seed", "sensitivity"),
         ),
         *(
-            emit_function(
-                f, f"update_{i}(const V *b, const V *draws, V *z_new)", ("b", "draws", "z_new")
-            )
+            emit_update(f, f"update_{i}(V *b, const V *draws, uuv_mask due)", at["discrete"])
             for i, f in enumerate(eq.updates)
         ),
     ]
-    # The token identifies what is computed: the names of places say it to readers only.
+    # The token identifies the computation; the names of places are for readers only.
     body = "\n".join([*data, *parts])
-    token = content_hash([body, _tables_of(eq, "TOKEN"), _runtime_hash()])
+    token = content_hash([body, _tables_of(eq, "TOKEN", n_held), _runtime_hash()])
     named = "\n".join([*data, *_with_names(eq.layout, parts)])
-    return Lowered(model, eq, named + _tables_of(eq, token), token)
+    return Lowered(model, eq, named + _tables_of(eq, token, n_held), token)
 
 
 _PLACE = re.compile(r"\bb\[(\d+)")
@@ -102,10 +112,10 @@ def _with_names(layout: Layout, functions: Sequence[str]) -> Iterator[str]:
     )
     written: dict[str, Kind] = {
         "derived": "derived", "initial": "state", "rhs": "state", "outputs": "output",
-        "update": "discrete",
+        "outputs_of_step": "output",
     }  # fmt: skip
     for text in functions:
-        function = re.search(r"static void ([a-z]+)", text)
+        function = re.search(r"static void ([a-z]+(?:_of_step)?)", text)
         kind = written.get(function[1]) if function is not None else None
         if function is not None and kind is not None:
             stored = "der({})" if function[1] == "rhs" else "{}"
@@ -124,7 +134,7 @@ def _writing(f: object, name: str, offset: int) -> str:
     return inner + f"static void {name}(V *b) {{ {name}_at(b, b + {offset}); }}\n"
 
 
-def _tables_of(eq: Equations, token: str) -> str:
+def _tables_of(eq: Equations, token: str, n_held: int) -> str:
     """Return the C of a component's tables: start values, variables, clocks and offsets."""
     layout = eq.layout
     model = layout.model
@@ -162,6 +172,9 @@ def _tables_of(eq: Equations, token: str) -> str:
     o, n = layout.offset, layout.count
     seed = layout.offset_of("seed") if "seed" in model.variables else -1
     lines = [
+        f"enum {{ N_X = {n['state']}, N_HELD = {n_held}, OFF_X = {o['state']}, "
+        f"OFF_Y = {o['output']} }};",
+        '#include "uuv_step.h"',
         f"static const double start[] = {{{', '.join(start)}}};",
         "static const uuv_variable variables[] = {",
         '    {"time", 0, 1, UUV_FLOAT64, UUV_TIME, 0, -__builtin_inf(), __builtin_inf()},',
@@ -177,8 +190,9 @@ def _tables_of(eq: Equations, token: str) -> str:
         f"    .off_seed = {seed}, .n_clocks = {len(clocks)},",
         f"    .clocks = {'clocks' if clocks else '0'}, .h_max = {literal(model.h_max)},",
         f"    .start = start, .n_variables = {len(rows) + 1}, .variables = variables,",
-        "    .derived = derived, .initial = initial, .rhs = rhs, .outputs = outputs,",
-        "    .forward = forward,",
+        "    .n_held = N_HELD, .derived = derived, .initial = initial, .derivatives = derivatives,",
+        "    .integrate = integrate, .outputs = block_outputs,",
+        "    .outputs_of_step = block_outputs_of_step, .forward = forward,",
         "};",
     ]
     return "\n".join(lines) + "\n"

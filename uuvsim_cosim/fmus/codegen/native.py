@@ -65,7 +65,46 @@ _SIGNATURES: Signatures = {  # of uuv_runtime.c
 
 
 class Native:
-    """An instance of a declaration: the `Component` protocol over its block of values."""
+    """An instance of a declaration, which is compiled and loaded in this process, without an FMU.
+
+    `model` is the declaration, `path` the component's name in messages, `library` a library that is
+    compiled already. Variables are those of its `description`, values are in their units. Raises
+    ToolchainError without a compiler, FmuError after `free`. Order of calls:
+    `enter_initialization_mode`, `exit_initialization_mode`, `do_step` from one communication point
+    to the next, `free`.
+
+    Example:
+
+    >>> import uuvsim_cosim as uuv
+    >>> from uuvsim_cosim.fmus import Native
+    >>> motor = Native(uuv.declare("thruster_t200"), "motor")
+    >>> u, thrust, current = map(motor.description.variables.get, ("u", "thrust", "current"))
+    >>> motor.enter_initialization_mode(0.0, None)
+    >>> motor.exit_initialization_mode()
+    >>> still = motor.get_fmu_state()
+    >>> motor.set(u, 0.5)
+    >>> for k in range(100):
+    ...     motor.do_step(k * 0.01, 0.01)
+    >>> motor.check_outputs(1.0)
+    >>> f"{motor.get(thrust):.2f} N", f"{motor.view(thrust):.2f} N"
+    ('17.85 N', '17.85 N')
+    >>> motor.directional_derivative([current], [u], [1.0]).round(1)  # d(current)/du [A]
+    array([22.2])
+    >>> kept = motor.serialize_fmu_state(still)
+    >>> motor.set_fmu_state(motor.deserialize_fmu_state(kept))
+    >>> motor.get(thrust)
+    0.0
+
+    Example: another instance; the loop in C calls an instance by its binding.
+
+    >>> starboard = motor.another("starboard")
+    >>> starboard.binding().kind.name
+    'NATIVE'
+    >>> starboard.reset()
+    >>> for instance in (motor, starboard):
+    ...     instance.terminate()
+    ...     instance.free()
+    """
 
     def __init__(self, model: Model | Lowered, path: str, library: Path | None = None) -> None:
         lowered = model if isinstance(model, Lowered) else lower(model)
@@ -81,7 +120,7 @@ class Native:
         self._instantiate(path)
 
     def another(self, path: str) -> Native:
-        """Make another instance of the same declaration, without compiling it again."""
+        """Make another instance of the same declaration, `path`, without compiling it again."""
         made = copy(self)
         made._instantiate(path)
         return made
@@ -100,7 +139,7 @@ class Native:
     # ---- values ---------------------------------------------------------------------------
 
     def get(self, variable: Variable) -> Any:
-        """Read a value; outputs are computed first if they are out of date."""
+        """Read the value of a `variable`; outputs are computed first if they are out of date."""
         self._c.uuv_update_outputs(self._live())
         first = variable.value_references[0]
         flat = self._block[first : first + variable.size]
@@ -109,7 +148,10 @@ class Native:
         return flat.reshape(variable.shape).copy() if variable.shape else flat[0].item()
 
     def view(self, variable: Variable) -> np.ndarray:
-        """Return a read-only view of a Float64 variable's values, which later steps change."""
+        """Return a read-only view of a Float64 `variable`'s values, which later steps change.
+
+        Raises FmuError for another type.
+        """
         self._c.uuv_update_outputs(self._live())
         if variable.type != "Float64":
             raise FmuError(f"{self.path}.{variable.name}", f"is {variable.type}", "Float64")
@@ -119,7 +161,10 @@ class Native:
         return view
 
     def set(self, variable: Variable, value: Any) -> None:
-        """Set an input or a parameter; raises FmuError unless it is finite and in [min, max]."""
+        """Set an input or a parameter, `variable`, to a `value` of its shape.
+
+        Raises FmuError unless it is finite and in [min, max].
+        """
         self._live()
         place = f"{self.path}.{variable.name}"
         array = np.asarray(value, dtype=float)
@@ -142,7 +187,7 @@ class Native:
     # ---- life cycle -----------------------------------------------------------------------
 
     def enter_initialization_mode(self, start_time: float, stop_time: float | None) -> None:
-        """Time begins at `start_time`; ticks before it are skipped."""
+        """Begin at `start_time` [s]; ticks before it are skipped. `stop_time` [s] is not used."""
         self._c.uuv_enter_initialization(self._live(), start_time)
 
     def exit_initialization_mode(self) -> None:
@@ -150,7 +195,10 @@ class Native:
         self._c.uuv_exit_initialization(self._live())
 
     def do_step(self, current_communication_point: float, step_size: float) -> None:
-        """Advance; raises ComponentFailed that names a value which is not finite."""
+        """Advance from `current_communication_point` [s] by `step_size` [s].
+
+        Raises ComponentFailed, which names the value, if a value is not finite.
+        """
         status = self._c.uuv_do_step(self._live(), current_communication_point, step_size)
         if status:
             raise ComponentFailed(
@@ -160,7 +208,7 @@ class Native:
             )
 
     def check_outputs(self, time: float) -> None:
-        """Raise ComponentFailed that names an output which is not finite."""
+        """Raise ComponentFailed, which names the output, for one not finite at `time` [s]."""
         self._c.uuv_update_outputs(self._live())
         first = self._layout.offset["output"]
         outputs = self._block[first : first + self._layout.count["output"]]
@@ -175,23 +223,27 @@ class Native:
         return buffer.raw
 
     def set_fmu_state(self, state: bytes) -> None:
-        """Restore a state of this declaration."""
+        """Restore a `state` of this declaration; raises FmuError for another size."""
         if len(state) != self._c.uuv_state_size(self._live()):
             raise FmuError(f"{self.path}: state of {len(state)} bytes is of another component")
         self._c.uuv_set_state(self._instance, state)
 
     def serialize_fmu_state(self, state: bytes) -> bytes:
-        """Return the state, which is bytes."""
+        """Return the `state`, which is bytes."""
         return state
 
     def deserialize_fmu_state(self, data: bytes) -> bytes:
-        """Return the state, which is bytes."""
+        """Return the state, which is `data`."""
         return data
 
     def directional_derivative(
         self, unknowns: Sequence[Variable], knowns: Sequence[Variable], seed: ArrayLike
     ) -> np.ndarray:
-        """Return d(outputs)/d(inputs) · seed at the current values."""
+        """Return d(`unknowns`)/d(`knowns`) · `seed` at the current values, flat.
+
+        Unknowns are outputs and knowns are inputs; `seed` has one number for each of their
+        elements. Raises FmuError for other variables.
+        """
         layout = self._layout
         n_u, n_x = layout.count["input"], layout.count["state"]
         full = np.zeros(n_u + n_x)
@@ -232,6 +284,7 @@ class Native:
         """Return the addresses that the stepping loop in C calls."""
         names = {
             "DoStep": "uuv_do_step",
+            "DoSteps": "uuv_do_steps",
             "UpdateOutputs": "uuv_update_outputs",
             "GetFMUState": "uuv_get_state",
             "SetFMUState": "uuv_set_state",

@@ -21,6 +21,7 @@ from pathlib import Path
 from uuvsim_cosim.cache import cache_dir, content_hash, intact, keep
 from uuvsim_cosim.content import content
 from uuvsim_cosim.errors import ToolchainError
+from uuvsim_cosim.fmus.resources import refuse_unless_it_fits
 
 __all__ = [
     "PLATFORMS",
@@ -35,6 +36,7 @@ __all__ = [
     "linked_lightly",
     "load_library",
     "platform_named",
+    "refuse_to_compile",
     "windows_files",
 ]
 
@@ -59,10 +61,15 @@ PLATFORMS = (
     Platform("aarch64-darwin", "aarch64-darwin", "aarch64-macos", ".dylib"),
 )
 
-# No FMA contraction, so that FMU, native component and kernel agree to the last bit.
-FLAGS = ("-std=c11", "-O2", "-ffp-contract=off", "-fno-math-errno", "-fvisibility=hidden")
+# No FMA contraction, so that FMU, native component and kernel agree to the last bit. Debugging
+# information, which zig writes unless -g0 is given, would take a quarter of the compiler's time and
+# contain paths of this machine.
+FLAGS = ("-std=c11", "-O2", "-g0", "-ffp-contract=off", "-fno-math-errno", "-fvisibility=hidden")
 
-
+# Without the start-up files and the run-time library of zig, which takes seconds to compile them
+# first. If a library needs more than the C library, `defs` ends the link with an error.
+_LIBC_ONLY = ("-nostdlib", "-lc", "-Wl,-z,defs")
+_COMPILER, _COMPILED = 1.3e8, 840  # bytes of memory: zig's, and for each byte of generated C
 _WINDOWS_LIBRARIES = ("ucrtbase", "kernel32")
 _ZIG_CACHES = ("ZIG_GLOBAL_CACHE_DIR", "ZIG_LOCAL_CACHE_DIR")
 _DIAGNOSTIC = re.compile(r":\d+:\d+: (fatal )?error: ")
@@ -83,7 +90,7 @@ def platform_named(name: str) -> Platform:
 
 def component_flags(platform: Platform) -> list[str]:
     """Return the additional options of a component's library."""
-    flags = ["-g0", "-s"]  # the library must not contain paths of this machine
+    flags = ["-s"]  # the library must not contain paths of this machine
     if platform.suffix == ".so":
         # Without it, an importer that loads with RTLD_GLOBAL would mix up two components.
         flags.append("-Wl,-Bsymbolic")
@@ -119,9 +126,7 @@ def compiler() -> tuple[list[str], str]:
             raise ToolchainError(f"CC={override!r}", "no such program", _EXPECTED)
         return command, f"{override} {_version(tuple(command))}"
     try:
-        from importlib.metadata import version
-
-        identity = f"zig {version('ziglang')}"
+        identity = f"zig {_zig()}"
     except ModuleNotFoundError:
         raise ToolchainError(
             "no C compiler",
@@ -129,6 +134,13 @@ def compiler() -> tuple[list[str], str]:
             "`pip install ziglang`, or CC set to a C compiler",
         ) from None
     return [sys.executable, "-m", "ziglang", "cc"], identity
+
+
+@lru_cache
+def _zig() -> str:
+    from importlib.metadata import version
+
+    return version("ziglang")
 
 
 @lru_cache
@@ -189,7 +201,7 @@ def compile_shared(
 
     def contents() -> str:
         return content_hash(
-            [name, identity, target.target, *arguments]
+            [name, identity, target.target, *arguments, *_LIBC_ONLY]
             + [f.name for f in sources]
             + [f.read_bytes() for f in [*sources, *headers]]
         )
@@ -198,15 +210,19 @@ def compile_shared(
     library = cache_dir("compiled", key) / f"{name}{target.suffix}"
     if intact(library):
         return library
+    refuse_to_compile(name, sum(f.stat().st_size for f in sources))
     log.info("compiling %s for %s", name, target.fmi2)
     with tempfile.TemporaryDirectory(dir=library.parent) as scratch:
         fresh = Path(scratch) / library.name
         includes = [f"-I{folder}" for folder in include]
-        light = zig and target.suffix == ".dll"
-        if not (
-            light and linked_lightly(command, arguments, includes, sources, Path(scratch), fresh)
-        ):
-            _run([*command, *arguments, "-shared", *includes, *map(str, sources), "-o", str(fresh)])
+        whole = [*command, *arguments, "-shared", *includes, *map(str, sources), "-o", str(fresh)]
+        linked = False
+        if zig and target.suffix == ".dll":
+            linked = linked_lightly(command, arguments, includes, sources, Path(scratch), fresh)
+        elif zig and target.suffix == ".so":
+            linked = _ran([*whole, *_LIBC_ONLY]).returncode == 0
+        if not linked:
+            _run(whole)
         try:
             data = fresh.read_bytes()
         except FileNotFoundError:
@@ -220,6 +236,17 @@ def compile_shared(
         )
     keep(library, data)
     return library
+
+
+def refuse_to_compile(name: str, size: int) -> None:
+    """Raise ToolchainError if `size` bytes of C need more memory for the compiler than there is."""
+    refuse_unless_it_fits(
+        name,
+        f"the compiler for its {size / 1e6:.3g} MB of C",
+        _COMPILER + _COMPILED * size,
+        "fewer different components in one system, or smaller ones",
+        error=ToolchainError,
+    )
 
 
 def _run(command: list[str]) -> None:

@@ -32,7 +32,20 @@ def write_folder(model: Model, root: Path | None = None) -> Path:
 
 
 def write_all(root: Path | None = None) -> list[Path]:
-    """Write the folders of all components of the library, each with its default parameter set."""
+    """Write the folders of all components of the library below `root`; return them.
+
+    Each folder holds modelDescription.xml, variables.md, input.csv and reference.csv of the
+    component with its default parameter set. Without `root`, they are those of this package.
+    Raises ToolchainError without a compiler.
+
+    Example:
+
+    >>> from pathlib import Path
+    >>> from uuvsim_cosim.fmus import write_all
+    >>> folders = write_all(Path("components"))
+    >>> folders[0].name, sorted(file.name for file in folders[0].iterdir())
+    ('allocation', ['input.csv', 'modelDescription.xml', 'reference.csv', 'variables.md'])
+    """
     return [write_folder(declare(name), root) for name in available() if "@" not in name]
 
 

@@ -44,10 +44,20 @@ def build_fmu(
     platforms: Sequence[str] = ("host",),
     target: Path | None = None,
 ) -> Path:
-    """Build an .fmu and return its path: `target` (a file, or a folder), else in the cache.
+    """Build an .fmu from a declaration, `model`, and return its path.
 
-    The same declaration, platforms and compiler give the same bytes. Raises ToolchainError if a
+    It is `target` (a file, or a folder), else in the cache. `fmi` is the version, 2 or 3;
+    `platforms` are "host", "linux64", "win64", "darwin64", "aarch64-linux", "aarch64-darwin". The
+    same declaration, platforms and compiler give the same bytes. Raises ToolchainError if a
     platform cannot be compiled for, and InputInvalid if `target` cannot be written.
+
+    Example:
+
+    >>> from pathlib import Path
+    >>> import uuvsim_cosim as uuv
+    >>> from uuvsim_cosim.fmus import build_fmu
+    >>> build_fmu(uuv.declare("battery"), fmi=2, target=Path("battery.fmu")).name
+    'battery.fmu'
     """
     declared = model.model if isinstance(model, Lowered) else model
     if fmi not in (2, 3):

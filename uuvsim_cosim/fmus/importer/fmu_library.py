@@ -83,12 +83,17 @@ class FmuLibrary:
         return True
 
     def addresses(self) -> dict[str, int]:
-        """Return the addresses of all functions that the FMU exports, by name without prefix."""
+        """Return the addresses of all functions that the FMU exports, by name without prefix.
+
+        ``FindValues`` and ``DoSteps`` are those of an FMU of this package (see `Binding`).
+        """
         if self._c not in _addresses:
+            found = {name: self._raw(name) for name in self._signatures if self.has(name)}
+            with contextlib.suppress(AttributeError):
+                found["FindValues"] = self._c["uuv_values_1"]
+                found["DoSteps"] = self._c[f"uuv_{self._prefix}_steps_1"]
             _addresses[self._c] = {
-                name: ctypes.cast(self._raw(name), ctypes.c_void_p).value or 0
-                for name in self._signatures
-                if self.has(name)
+                name: ctypes.cast(f, ctypes.c_void_p).value or 0 for name, f in found.items()
             }
         return dict(_addresses[self._c])
 

@@ -80,7 +80,7 @@ def read_input_csv(path: Path, description: Description) -> list[Series]:
     ]
     repeated = next((n for i, n in enumerate(names) if n in names[:i]), None)
     if repeated is not None:
-        raise InputInvalid(f"{path}, line {line}: column {repeated!r} is there twice")
+        raise InputInvalid(f"{path}, line {line}: column {repeated!r} is given twice")
     if len(rows) == 1:
         raise InputInvalid(path, "has no line after the header", "at least one")
     return _series(path, rows[1:], names, targets)

@@ -51,7 +51,18 @@ class FmuArchive:
 
 
 def read_description(path: Path) -> Description:
-    """Read the description of an .fmu; see `read_fmu`."""
+    """Read the description of the .fmu at `path`: variables with units, and capabilities.
+
+    Raises FmuError for an archive that cannot be read, and for FMI versions other than 2.0 and 3.0.
+
+    Example:
+
+    >>> import uuvsim_cosim as uuv
+    >>> from uuvsim_cosim.fmus import build_fmu, read_description
+    >>> battery = read_description(build_fmu(uuv.declare("battery"), fmi=2))
+    >>> battery.kind, battery.variables["voltage"].unit, battery.can_get_and_set_state
+    ('FMI 2.0', 'V', True)
+    """
     return read_fmu(path).description
 
 

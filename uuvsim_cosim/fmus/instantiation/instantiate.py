@@ -25,11 +25,23 @@ def instantiate_fmu(
     watchdog: float | None = None,
     logging_on: bool = True,
 ) -> Component:
-    """Instantiate an FMU as the component `path`.
+    """Instantiate an `fmu`, a file or one that was read, as the component `path`.
 
-    It gets its own process if `isolate` is set, or if it cannot be in this process (see
-    `needs_own_process`). An isolated component that does not answer within `watchdog` seconds
-    fails.
+    It gets its own process if `isolate` is set, or if it cannot be in this process: a second
+    instance of an FMU that allows only one, or an FMU made of a Python module whose name is in use.
+    An isolated component that does not answer within `watchdog` [s] fails. Without `logging_on`,
+    the FMU is asked not to log. Raises FmuError for an FMU that cannot be read or loaded.
+
+    Example:
+
+    >>> import uuvsim_cosim as uuv
+    >>> from uuvsim_cosim.fmus import build_fmu, instantiate_fmu
+    >>> battery = instantiate_fmu(build_fmu(uuv.declare("battery")), "battery")
+    >>> battery.enter_initialization_mode(0.0, None)
+    >>> battery.exit_initialization_mode()
+    >>> f"{battery.get(battery.description.variables['voltage']):.2f} V"
+    '16.80 V'
+    >>> battery.free()
     """
     archive = fmu if isinstance(fmu, FmuArchive) else read_fmu(fmu)
     library_of(archive)  # compile sources here, as the watchdog would not wait for the compiler

@@ -35,7 +35,7 @@ def check_watchdog(seconds: float, what: str = "watchdog") -> None:
         raise InputInvalid(f"{what} {seconds:g}: expected more than 0 seconds, such as 30")
 
 
-_GRACE = 2.0  # [s] for a child to end by itself
+_GRACE = 2.0  # [s] until a child that was asked to end is killed
 _START = 60.0  # [s] at least, for a child to start Python and import its modules
 
 
@@ -160,7 +160,7 @@ class Isolated:
         if not state.is_of(self._orphans):
             if state.data is None:
                 raise FmuError(
-                    f"{self.path}: the state was held by a process that is gone, for "
+                    f"{self.path}: the state was held by a process that has ended, because "
                     f"{self.description.name} cannot serialise its state"
                 )
             state = self.deserialize_fmu_state(state.data)
@@ -257,7 +257,7 @@ class Isolated:
             self._call("why", time)
         except UuvsimError as error:
             return error
-        return ComponentFailed(self.path, time, "it failed, and gives no reason")
+        return ComponentFailed(self.path, time, "it failed without a message")
 
     def lost(self, time: float, *, late: bool) -> ComponentFailed:
         """Return the error for a child that died in a step, or did not answer."""

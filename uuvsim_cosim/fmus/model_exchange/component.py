@@ -23,7 +23,7 @@ __all__ = ["ModelExchange"]
 
 _EVENTS = 10_000  # in one communication step, before it counts as endless
 _ROUNDS = 100  # of one event iteration
-_IMPLICIT = "an implicit solver (CVODE) integrates it where they are"
+_IMPLICIT = "while they are stiff, an implicit solver (CVODE) integrates them"
 _State = tuple[FmuState, float]
 
 

@@ -71,8 +71,8 @@ def instantiate_traced(archive: FmuArchive, path: str, trace: Trace) -> Componen
     if needs_own_process(archive):
         raise InputInvalid(
             path,
-            f"{archive.path.name} needs a process of its own here, whose calls cannot be traced",
-            "it to be there once",
+            f"{archive.path.name} needs a separate process here, whose calls cannot be traced",
+            "one instance of it",
         )
     version = Fmu2 if archive.description.kind == "FMI 2.0" else Fmu3
     fmu = version(archive, path, library=partial(_TracedLibrary, trace, path))

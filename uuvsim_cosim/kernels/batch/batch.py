@@ -14,7 +14,9 @@ from numpy.typing import ArrayLike
 from uuvsim_cosim.closing import Closing
 from uuvsim_cosim.errors import ComponentFailed, InputInvalid
 from uuvsim_cosim.fmus.description import Variable
+from uuvsim_cosim.fmus.resources import refuse_beyond
 from uuvsim_cosim.kernels.batch.memory import Lanes, Signal, aligned, signal_of
+from uuvsim_cosim.kernels.batch.sharing import Sharing
 from uuvsim_cosim.kernels.batch.threads import Threads
 from uuvsim_cosim.kernels.codegen.program import Program
 from uuvsim_cosim.orchestrator.plan.seeds import seed_words
@@ -27,10 +29,34 @@ TICK, FAILED, FAILED_TICK = 0, 1, 2  # words, as in fmus/kernels/uuv_lane_steps.
 
 @final
 class Batch(Closing):
-    """Environments that step together; see `Kernel.batch`.
+    """Environments of a `kernel` that step together; `Kernel.batch` makes it.
 
-    An environment keeps its seed and its start values until `reset` gets others; values of `set`
-    are kept until its next reset.
+    There are `n_envs` environments, which `threads` threads step. `seeds` is a system seed for
+    each, or one s for s, s + 1, …; `start` are start values by name, of the variable's shape, or
+    one row for each environment. An environment keeps its seed and its start values until `reset`
+    gets others; values of `set` are kept until its next reset. Raises InputInvalid for a name or a
+    shape that does not fit. A ``with`` block closes it.
+
+    Example:
+
+    >>> import numpy as np
+    >>> import uuvsim_cosim as uuv
+    >>> kernel = uuv.fuse(uuv.System("tank").add("hull", "model:sphere"))
+    >>> batch = kernel.batch(3)
+    >>> batch.variables["hull.tau"].element_units[0], batch.cells.shape[0]
+    ('N', 1)
+    >>> batch.set("hull.tau", np.outer([10.0, 20.0, 30.0], [1, 0, 0, 0, 0, 0]))
+    >>> batch.step(100)
+    >>> batch.get("hull.eta")[:, 0].round(3)  # position N [m]
+    array([0.098, 0.192, 0.282])
+    >>> batch.tick, batch.failed, batch.failure(0)
+    (array([100, 100, 100]), array([False, False, False]), None)
+    >>> batch.reset(np.array([True, False, False]), seeds=7)
+    >>> batch.time
+    array([0., 1., 1.])
+    >>> batch.free_cells.shape == batch.cells.shape
+    True
+    >>> batch.close()
     """
 
     def __init__(
@@ -47,6 +73,7 @@ class Batch(Closing):
         self.kernel = kernel
         self.n_envs = n_envs
         fused, dtype = kernel.fused, kernel.dtype
+        refuse_beyond(n_envs, (fused.n_cells + fused.n_start) * dtype.itemsize)
         self._memory = Lanes(n_envs, fused.n_cells, kernel.lanes, dtype, fused.n_words)
         self._start = Lanes(n_envs, fused.n_start, kernel.lanes, dtype)
         workers = min(threads, self._memory.n_blocks)
@@ -60,15 +87,20 @@ class Batch(Closing):
         self._threads = Threads(workers) if workers > 1 else None
         self._raised = np.zeros(n_envs, bool)
         self._signals: dict[str, Signal] = {}
+        self._sharing = Sharing(fused)
         self._step = kernel.c.uuv_kernel_step
         self._address, self._n_blocks = self._memory.address, self._memory.n_blocks
         self._tick_length = fused.plan.tick.numerator, float(fused.plan.tick.denominator)
         # Start values of the declarations, then those of the plan.
+        declared: dict[int, np.ndarray] = {}
         for planned, m in zip(fused.plan.components, fused.members, strict=True):
-            for v in (p.variable for p in m.layout.placed):
-                if v.kind in ("input", "parameter"):
-                    value = np.reshape(np.asarray(v.start, float), v.shape)
-                    self._signal(f"{m.path}.{v.name}").start.write(value)
+            if m.declaration not in declared:
+                declared[m.declaration] = m.layout.start_values()
+            values = declared[m.declaration]
+            self._start.cells[:, m.start_cell : m.start_cell + m.n_start] = values[:, None]
+            if dtype == np.float32 and m.is_seed("seed"):  # integers, which no float32 holds
+                at = m.layout.offset_of("seed")
+                self._signal(f"{m.path}.seed").start.write(values[at : at + 2])
             for name, given in planned.start.items():
                 signal = self._signal(f"{m.path}.{name}")
                 signal.start.write(signal.checked_start(given))
@@ -90,9 +122,10 @@ class Batch(Closing):
         start: Mapping[str, object] | None = None,
         check: bool = True,
     ) -> None:
-        """Go back to time 0 where the mask is true, with other seeds or start values if given.
+        """Go back to time 0 where the `mask` is true, with other seeds or start values if given.
 
-        Raises ComponentFailed if an initial value is not finite, unless `check` is false.
+        `mask` is (n_envs,), of Booleans; without it, all are reset. Raises ComponentFailed if an
+        initial value is not finite, unless `check` is false.
         """
         chosen = None if mask is None else self._mask(mask)
         given = [(self._signal(n), v) for n, v in start.items()] if start else []
@@ -100,6 +133,8 @@ class Batch(Closing):
         words = None if seeds is None else self._seeds(seeds)
         for s, row in rows:
             s.start.write(row, chosen)
+            self._sharing.started(s, every=chosen is None)
+        self._sharing.reset(every=chosen is None)
         lanes = None
         if chosen is not None:
             lanes = np.ascontiguousarray(self._memory.padded(chosen).view(np.uint8))
@@ -120,7 +155,7 @@ class Batch(Closing):
             self._check()
 
     def step(self, n: int = 1, *, check: bool = True) -> None:
-        """Make n communication steps in all environments.
+        """Make `n` communication steps in all environments.
 
         Raises ComponentFailed once for environments that fail, after all have made their n steps.
         The values of those in `failed` are not valid until they are reset. Without `check` nothing
@@ -129,31 +164,34 @@ class Batch(Closing):
         if n < 0:
             raise InputInvalid(f"{n} steps", "0 or more")
         if self._threads is None:
-            failed = self._step(self._address, 0, self._n_blocks, n)
+            failed = self._step(self._address, self._sharing.address, 0, self._n_blocks, n)
         else:
-            step, memory = self._step, self._address
-            failed = any(self._each(lambda _, a, b: step(memory, a, b, n)))
+            step, memory, own = self._step, self._address, self._sharing.address
+            failed = any(self._each(lambda _, a, b: step(memory, own, a, b, n)))
         if failed and check:
             self._check()
 
     @property
     def tick(self) -> np.ndarray:
-        """Return the communication point that each environment has reached."""
+        """Return the communication point that each environment has reached, (n_envs,)."""
         return self._memory.word(TICK).astype(np.int64)
 
     @property
     def time(self) -> np.ndarray:
-        """Return each environment's time [s]."""
+        """Return each environment's time, (n_envs,) [s]."""
         numerator, denominator = self._tick_length
         return (self._memory.word(TICK) * np.uint64(numerator)).astype(float) / denominator
 
     @property
     def failed(self) -> np.ndarray:
-        """Return which environments have had a value that is not finite since their reset."""
+        """Return which environments have had a value that is not finite since their reset.
+
+        The shape is (n_envs,).
+        """
         return np.asarray(self._memory.word(FAILED) != 0)
 
     def failure(self, e: int) -> ComponentFailed | None:
-        """Return the first failure of environment e since its reset, if it has failed."""
+        """Return the first failure of environment `e` since its reset, if it has failed."""
         if not -self.n_envs <= e < self.n_envs:
             raise InputInvalid(f"environment {e}", f"one of 0 to {self.n_envs - 1}")
         return self._failure(index(e) % self.n_envs, "")
@@ -167,15 +205,28 @@ class Batch(Closing):
 
     @property
     def cells(self) -> np.ndarray:
-        """Return all values in memory, (blocks, cells, lanes); `Fused` has their places."""
+        """Return all values in memory, (blocks, cells, lanes); `Fused` has their places.
+
+        You may write them. From now on, each environment therefore reads its own parameters in a
+        step, also those that have the same value in all environments, which takes longer.
+        """
+        self._sharing.end()
+        return self._memory.cells
+
+    @property
+    def free_cells(self) -> np.ndarray:
+        """Return `cells`, of which inputs and outputs alone may be written."""
         return self._memory.cells
 
     def get(self, name: str) -> np.ndarray:
-        """Copy a variable, "hull.eta": a row for each environment, in the kernel's number type."""
+        """Copy the variable `name`, "hull.eta": a row for each environment, in its unit.
+
+        The rows have the kernel's number type.
+        """
         return (self._signals.get(name) or self._signal(name)).own.read()
 
     def set(self, name: str, values: object, mask: ArrayLike | None = None) -> None:
-        """Set an unconnected input or a tunable parameter, where the mask is true.
+        """Set the unconnected input or the tunable parameter `name`, where the `mask` is true.
 
         `values` has the variable's shape, or one row for each environment.
         """
@@ -185,6 +236,7 @@ class Batch(Closing):
         if s.is_parameter:
             c, memory = self.kernel.c, self._address
             self._each(lambda _, a, b: c.uuv_kernel_derive(memory, s.member, a, b))
+            self._sharing.set(s, equal=mask is None and rows.ndim == len(s.variable.shape))
 
     # ---- inside ---------------------------------------------------------------------------
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import prod
 from typing import final
 
 import numpy as np
@@ -76,7 +77,7 @@ class Column:
         bits: bool = False,
     ) -> None:
         cells = lanes.cells.view(np.int32) if bits else lanes.cells
-        size = int(np.prod(shape, dtype=int))
+        size = prod(shape)
         every = cells[:, first : first + size, :].transpose(0, 2, 1)
         self._every = every.reshape(lanes.n_blocks, lanes.width, *shape)
         self._own = self._every[0, : lanes.n_envs] if lanes.n_blocks == 1 else None
@@ -88,6 +89,11 @@ class Column:
         if self._own is not None:
             return self._own.astype(self._dtype)
         return self._every.astype(self._dtype).reshape(self._rows)[: self._lanes.n_envs]
+
+    def is_equal(self) -> bool:
+        """Return whether all lanes have the same bits."""
+        bits = self._every.view(np.int64 if self._every.itemsize == 8 else np.int32)
+        return bool((bits == bits[0, 0]).all())
 
     def write(self, values: np.ndarray, mask: np.ndarray | None = None) -> None:
         """Set the values where masked: one of the variable's shape, or a row for each environment.
@@ -176,11 +182,7 @@ def signal_of(kernel: Program, name: str, memory: Lanes, start: Lanes) -> Signal
     first = v.value_references[0]
     dtype = {"Float64": kernel.dtype, "Boolean": np.dtype(bool)}.get(v.type, np.dtype(np.int32))
     bits = kernel.dtype != np.float64 and m.is_seed(own)
-    count = sum(
-        len(t.target_elements)
-        for t in fused.plan.transfers
-        if t.target == i and t.target_variable.name == own
-    )
+    connected = fused.plan.connected.get((i, own), ())
     has_start = first < m.n_start
     return Signal(
         name,
@@ -189,6 +191,6 @@ def signal_of(kernel: Program, name: str, memory: Lanes, start: Lanes) -> Signal
         memory.n_envs,
         Column(memory, m.cell + first, v.shape, dtype, bits=bits),
         Column(start, m.start_cell + first if has_start else 0, v.shape, dtype, bits=bits),
-        count == v.size,
+        len(connected) == v.size,
         float(np.finfo(kernel.dtype).max),
     )

@@ -3,17 +3,21 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterator
 
 import numpy as np
 
 from uuvsim_cosim.fmus.codegen.emit_c import emit_function, emit_networks, emit_update
 from uuvsim_cosim.fmus.codegen.equations import Equations
+from uuvsim_cosim.fmus.codegen.held import moves, split
 from uuvsim_cosim.kernels.codegen.tables import tables_in_lanes
+from uuvsim_cosim.models.declaration.interruption import interruptible
 
-__all__ = ["declaration_text", "split"]
+__all__ = ["declaration_text"]
+
+_CELL = re.compile(r"\bb\[(\d+)\]")
 
 
+@interruptible()
 def declaration_text(eq: Equations, dtype: np.dtype) -> str:
     """Return the C of a declaration: the functions of its FMU, their table, and its steps."""
     o, n, model = eq.layout.offset, eq.layout.count, eq.layout.model
@@ -22,19 +26,19 @@ def declaration_text(eq: Equations, dtype: np.dtype) -> str:
         f"    {{{sum(d.numel() for d in c.draws)}, {c.index}, update_{c.index}}},"
         for c in model.clocks
     ]
-    states = range(o["state"], o["state"] + n["state"])
     emitted = emit_function(eq.rhs, "rhs(const V *b, V *dx)", ("b", "dx"))
     outputs = emit_function(eq.outputs, "outputs(const V *b, V *out)", ("b", "out"))
     rhs, n_held = split(
         emitted,
-        lambda cell: cell == 0 or cell in states or not states,
+        moves(eq.layout),
         invert=dtype == np.float32,
         outputs=outputs,
     )
     table = [
         *(["static const uuv_lane_clock clocks[] = {", *clocks, "};"] if clocks else []),
         "static const uuv_lane_component the_component = {",
-        f"    .n_block = {eq.layout.size}, .off_derived = {o['derived']}, .off_x = {o['state']},",
+        f"    .n_block = {eq.layout.size}, .off_parameters = {o['parameter']},",
+        f"    .off_derived = {o['derived']}, .off_x = {o['state']},",
         f"    .n_x = {n['state']}, .n_z = {n['discrete']}, .off_y = {o['output']},",
         f"    .n_clocks = {len(clocks)}, .off_seed = {seed}, .n_held = {n_held},",
         f"    .clocks = {'clocks' if clocks else '0'},",
@@ -43,15 +47,28 @@ def declaration_text(eq: Equations, dtype: np.dtype) -> str:
         "};",
         '#include "uuv_lane_stepper.h"',
     ]
-    parts = [
-        emit_function(eq.derived, "derived(const V *b, V *out)", ("b", "out")),
-        emit_function(eq.initial, "initial(const V *b, V *out)", ("b", "out")),
-        rhs,
-        outputs,
+    derived = emit_function(eq.derived, "derived(const V *b, V *out)", ("b", "out"))
+    stepped = [
+        _with_parameters(rhs),
+        _with_parameters(outputs),
         *(
-            emit_update(f, f"update_{i}(V *b, const V *draws, uuv_mask due)", o["discrete"])
+            emit_update(
+                f, f"update_{i}(V *b, const V *p, const V *draws, uuv_mask due)", o["discrete"]
+            )
             for i, f in enumerate(eq.updates)
         ),
+    ]
+    seeds = {seed, seed + 1} if seed >= 0 else set()
+    if not seeds.intersection(int(i) for i in _CELL.findall(derived)):
+        shared = {*range(o["parameter"], o["state"])} - seeds
+        stepped = [
+            _CELL.sub(lambda m: f"p[{m[1]}]" if int(m[1]) in shared else m[0], text)
+            for text in stepped
+        ]
+    parts = [
+        derived,
+        emit_function(eq.initial, "initial(const V *b, V *out)", ("b", "out")),
+        *stepped,
         "\n".join(table),
     ]
     tables, body = tables_in_lanes("\n".join(parts) + "\n", dtype)
@@ -67,93 +84,7 @@ def declaration_text(eq: Equations, dtype: np.dtype) -> str:
     return "\n".join(head) + body
 
 
-# The values of a network or field (fmus/codegen/network_data.py) are not of type V: not held.
-_LINE = re.compile(
-    r"const (?P<type>V|(?:network|field)_\w+_values) (?P<name>t\w+) = (?P<value>.*);$"
-)
-_STORE = re.compile(r"dx\[\d+\] = (?P<value>.*);$")
-_VALUE = re.compile(r"\bt\d+(?:_\d+)?\b")
-_QUOTIENT = re.compile(r"const V (?P<name>t\d+) = (?P<dividend>\S+) / (?P<divisor>\S+);$")
-_TABLE = re.compile(
-    r"^ {4}const V (?P<name>t\w+) = (?P<value>uuv_(?:uniform|buckets)\d\((?:b\[\d+\], )+&\w+\));$",
-    re.MULTILINE,
-)
-_OF_STEP = "outputs_of_step(const V *b, const V *w, V *out)"
-_CELL = re.compile(r"\bb\[(\d+)\]")
-
-
-def split(
-    text: str, varies: Callable[[int], bool], *, invert: bool = False, outputs: str = ""
-) -> tuple[str, int]:
-    """Split the emitted ``rhs(b, dx)`` into ``held(b, w)`` and ``rhs(b, w, dx)``.
-
-    `varies` returns whether a cell changes within a step. Operations are not changed, and so
-    neither are the bits of results. With `invert`, for float32, a quotient becomes a product with
-    the inverse, which is held if its divisor is. Tables that the emitted ``outputs(b, out)`` reads
-    at held cells are read with them: the text also has ``outputs_of_step(b, w, out)``. Return the
-    text of all these functions, and the number of values in `w`.
-    """
-    lines = [line.strip() for line in text.splitlines()]
-    if invert:  # a quotient's line becomes an inverse and a product
-        quotients = [(line, _QUOTIENT.match(line)) for line in lines]
-        lines = []
-        for line, m in quotients:
-            if m is None:
-                lines.append(line)
-                continue
-            lines.append(f"const V {m['name']}_0 = uuv_inv({m['divisor']});")
-            lines.append(f"const V {m['name']} = {m['dividend']} * {m['name']}_0;")
-    values = [m for m in map(_LINE.match, lines) if m]
-    stores = [m for m in map(_STORE.match, lines) if m]
-    moving: set[str] = set()
-    constant = {m["name"] for m in values if m["value"].startswith("uuv_const(")}
-    for m in values:
-        cells = (int(i) for i in _CELL.findall(m["value"]))
-        moved = any(map(varies, cells)) or moving.intersection(_VALUE.findall(m["value"]))
-        if moved or m["type"] != "V":
-            moving.add(m["name"])
-    readers = [m["value"] for m in values if m["name"] in moving] + [m["value"] for m in stores]
-    read = dict.fromkeys(name for value in readers for name in _VALUE.findall(value))
-    kept = [name for name in read if name not in moving and name not in constant]
-    needed = {name for name in read if name in constant}
-    read_here, after = _held_tables(outputs, varies, len(kept))
-    held = [
-        *(f"const V {m['name']} = {m['value']};" for m in values if m["name"] not in moving),
-        *(f"const V o{m['name']} = {m['value']};" for m in read_here),
-        *(f"w[{j}] = {name};" for j, name in enumerate(kept)),
-        *(f"w[{j}] = o{m['name']};" for j, m in enumerate(read_here, len(kept))),
-    ]
-    rest = [
-        *(f"const V {name} = w[{j}];" for j, name in enumerate(kept)),
-        *(m[0] for m in values if m["name"] in moving or m["name"] in needed),
-        *(m[0] for m in stores),
-    ]
-    both = [
-        *_function("held(const V *b, V *w)", ["b", "w"], held if kept or read_here else []),
-        *_function("rhs(const V *b, const V *w, V *dx)", ["b", "w", "dx"], rest),
-    ]
-    return "\n".join([*both, after]), len(kept) + len(read_here)
-
-
-def _held_tables(
-    outputs: str, varies: Callable[[int], bool], first: int
-) -> tuple[list[re.Match[str]], str]:
-    """Return the reads of tables at held cells, and the outputs that use w[first], … instead."""
-    found = [
-        m
-        for m in _TABLE.finditer(outputs)
-        if not any(varies(int(i)) for i in _CELL.findall(m["value"]))
-    ]
-    text = outputs.replace("outputs(const V *b, V *out)", _OF_STEP).replace(
-        "(void)b;", "(void)b;\n    (void)w;", 1
-    )
-    for j, m in enumerate(found, first):
-        text = text.replace(m[0], f"    const V {m['name']} = w[{j}];")
-    return found, text
-
-
-def _function(signature: str, arguments: list[str], lines: list[str]) -> Iterator[str]:
-    yield f"static void {signature} {{"
-    yield from (f"    (void){name};" for name in arguments)
-    yield from (f"    {line}" for line in lines)
-    yield "}"
+def _with_parameters(text: str) -> str:
+    """Return functions of a block ``b`` with a further argument: the block ``p`` of parameters."""
+    text = text.replace("(const V *b, ", "(const V *b, const V *p, ")
+    return text.replace("    (void)b;\n", "    (void)b;\n    (void)p;\n")

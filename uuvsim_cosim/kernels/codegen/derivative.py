@@ -13,6 +13,7 @@ from uuvsim_cosim.fmus.codegen.equations import Equations
 from uuvsim_cosim.kernels.codegen.driver import copies, initialization
 from uuvsim_cosim.kernels.codegen.fusible import Fused
 from uuvsim_cosim.kernels.codegen.tables import tables_in_lanes
+from uuvsim_cosim.models.declaration.interruption import interruptible
 from uuvsim_cosim.orchestrator.plan.plan import Transfer
 
 __all__ = ["Mode", "derivative_driver_text", "derivative_text", "tape_cells"]
@@ -22,6 +23,7 @@ _LARGE = 5000  # operations; the search for branches in 40,000 takes two minutes
 _FLOAT64 = np.dtype(np.float64)
 
 
+@interruptible()
 def derivative_text(eq: Equations, mode: Mode) -> str:
     """Return the C of a declaration: its functions and their tangents, or adjoints; their steps.
 
@@ -169,7 +171,7 @@ def _tangent_driver(fused: Fused) -> Iterator[str]:
     yield from copies(fused, late, stepping=True)
     yield from _pushed(fused, late)
     for i in fused.order:
-        early = [t for t in plan.transfers if t.target == i and fused.is_early(t)]
+        early = fused.early_into(i)
         yield from copies(fused, early, stepping=True)
         yield from _pushed(fused, early)
         m = fused.members[i]
@@ -203,9 +205,7 @@ def _tangent_driver(fused: Fused) -> Iterator[str]:
 def _adjoint_driver(fused: Fused) -> Iterator[str]:
     plan = fused.plan
     late = [t for t in plan.transfers if not fused.is_early(t)]
-    early = {
-        i: [t for t in plan.transfers if t.target == i and fused.is_early(t)] for i in fused.order
-    }
+    early = {i: fused.early_into(i) for i in fused.order}
     read_early = {t.source for transfers in early.values() for t in transfers}
     yield "/* From m before a step, which is overwritten: the gradient a goes back over it. */"
     yield "static void step_adjoint(V *m, V *kept, V *a) {"

@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Iterator, Sequence
+from functools import partial
+from itertools import groupby
 
 from uuvsim_cosim.fmus.codegen.emit_c import literal
-from uuvsim_cosim.kernels.codegen.fusible import Fused
+from uuvsim_cosim.kernels.codegen.fusible import Fused, Member
+from uuvsim_cosim.kernels.codegen.units import Places, Units, Work, shared_text, units_of
 from uuvsim_cosim.orchestrator.plan.plan import Transfer
 from uuvsim_cosim.orchestrator.plan.seeds import path_words
 
@@ -24,12 +28,9 @@ def driver_text(fused: Fused, tokens: Sequence[str]) -> str:
     most = max(map(len, _side_by_side(fused)))
     scratch = 0
     for m in fused.members:
-        eq = fused.equations[m.source]
         # A step may hold one value for each operation.
-        held = int(eq.rhs.n_instructions() + eq.outputs.n_instructions())
-        clocks = eq.layout.model.clocks
-        draws = max((sum(int(d.numel()) for d in c.draws) for c in clocks), default=0)
-        scratch = max(scratch, most * max(5 * m.layout.count["state"] + held, draws + 2))
+        held = 5 * m.layout.count["state"] + m.layout.operations
+        scratch = max(scratch, most * max(held, m.layout.draws + 2))
     named = zip(fused.sources, tokens, strict=True)
     periods = ", ".join(f"{p}u" for p in fused.periods) or "0"
     seeded = []  # start cell and hash of the path, of members whose key the system's seed makes
@@ -39,11 +40,15 @@ def driver_text(fused: Fused, tokens: Sequence[str]) -> str:
             seeded.append(
                 f"{{{m.start_cell + m.layout.offset_of('seed')}, {{{first}u, {second}u}}}}"
             )
-    derivations = []
-    for i, m in enumerate(fused.members):
-        at = m.cell + m.layout.offset["derived"]
-        call = f"declared[{m.declaration}]->derived(m + {m.cell}, m + {at})"
-        derivations.append(f"        case {i}: {call}; break;")
+    units = units_of(fused)
+    masks = partial(_masks, fused)
+    arguments = ["const uuv_lane_time *now", "const uuv_lane_sources *at", "V *scratch"]
+    parts, steps = shared_text("part", arguments, _steps(fused, units), units, masks)
+    initial_parts, initial = shared_text("initial", [], _initial_outputs(fused, units), units)
+    members = (
+        f"    {{{m.declaration}, {m.cell}, {m.start_cell}, {int(m.rate >= 0)}}},"
+        for m in fused.members
+    )
     return "\n".join(
         [
             "/* Generated from a plan: do not edit. It calls",
@@ -53,7 +58,8 @@ def driver_text(fused: Fused, tokens: Sequence[str]) -> str:
             "",
             f"enum {{ N_CELLS = {fused.n_cells}, N_START = {fused.n_start}, "
             f"N_PERIODS = {n_periods}, N_WORDS = {fused.n_words},",
-            f"       N_WORD_CELLS = {fused.members[0].cell}, N_SEEDED = {len(seeded)} }};",
+            f"       N_WORD_CELLS = {fused.members[0].cell}, N_SEEDED = {len(seeded)}, "
+            f"N_MEMBERS = {len(fused.members)} }};",
             f"static const uint64_t tick_num = {tick.numerator}u, tick_den = {tick.denominator}u;",
             f"static const uint64_t period_ticks[] = {{{periods}}};",
             "static const struct {",
@@ -68,24 +74,28 @@ def driver_text(fused: Fused, tokens: Sequence[str]) -> str:
             "}",
             "",
             *slower_steps(fused),
-            "static void step(V *m) {",
+            *(_periods_text(p) for p in dict.fromkeys(m.periods for m in fused.members)),
+            "",
+            *parts,
+            "static void step(V *m, const uuv_lane_sources *at) {",
             f"    V scratch[{scratch}];",
-            "    const uuv_lane_time now = lane_time(m, 0, 1, tick_num, tick_den);",
-            *due_now(fused),
-            *_steps(fused),
-            *becoming_visible(fused),
+            "    const uuv_lane_time here = lane_time(m, 0, 1, tick_num, tick_den), *now = &here;",
+            *masks(steps),
+            *steps,
             "    lane_advance(m, N_PERIODS, period_ticks);",
             "}",
             "",
-            "static void initialize(V *m, const V *start) {",
-            *_initialization(fused),
+            *initial_parts,
+            "/* Outputs at the start, in the order in which they depend on each other. */",
+            "static void initial_outputs(V *m) {",
+            *initial,
             "}",
             "",
-            "static void derive(V *m, uint32_t member) {",
-            "    switch (member) {",
-            *derivations,
-            "    }",
-            "}",
+            "static const struct {",
+            "    uint32_t declaration, cell, start, is_slower;",
+            "} members[] = {",
+            *members,
+            "};",
             "",
             '#include "uuv_lane_blocks.h"',
             "",
@@ -93,34 +103,62 @@ def driver_text(fused: Fused, tokens: Sequence[str]) -> str:
     )
 
 
-def _steps(fused: Fused) -> Iterator[str]:
+def _steps(fused: Fused, units: Units) -> Iterator[Work]:
     """Yield a step: inputs from outputs valid at its start, then the members in turn.
 
     Just before its step, a member gets the inputs that come from outputs of the same step.
     """
-    plan = fused.plan
-    yield from copies(fused, (t for t in plan.transfers if not fused.is_early(t)), stepping=True)
+    late = [t for t in fused.plan.transfers if not fused.is_early(t)]
+    yield from _copying(fused, units, late, stepping=True)
     for group in _side_by_side(fused):
-        m = fused.members[group[0]]
-        yield f"    /* {', '.join(fused.members[i].path for i in group)} */"
-        if len(group) > 1:
-            yield (
-                f"    stepper[{m.declaration}]->do_step_together(m, m + {m.cell}, {len(group)}, "
-                f"{m.cuts[0].pieces}, &now, scratch);"
-            )
-            continue
-        i = group[0]
-        early = (t for t in plan.transfers if t.target == i and fused.is_early(t))
-        yield from copies(fused, early, stepping=True)
+        yield units.of[group[0]], partial(_group_step, fused, group)
+    for m, unit in zip(fused.members, units.of, strict=True):
         if m.rate >= 0:
-            yield f"    if (uuv_any(due_{m.rate})) step_{i}(m, due_{m.rate}, scratch);"
-            continue
-        periods = ", ".join(map(str, m.periods)) or "0"
-        yield f"    static const uint8_t periods_{i}[] = {{{periods}}};"
+            yield unit, partial(_becoming_visible, m)
+
+
+def _copying(
+    fused: Fused, units: Units, transfers: Iterable[Transfer], *, stepping: bool = False
+) -> Iterator[Work]:
+    """Yield the copies of transfers, unit by unit: they do not depend on each other."""
+
+    def unit_of(t: Transfer) -> int:
+        return units.of[t.target]
+
+    for unit, into in groupby(sorted(transfers, key=unit_of), unit_of):
+        yield unit, partial(copies, fused, list(into), stepping=stepping)
+
+
+def _group_step(fused: Fused, group: Sequence[int], places: Places) -> Iterator[str]:
+    """Yield the step of a member, or of several side by side."""
+    m = fused.members[group[0]]
+    if places.base == "m":
+        yield f"    /* {', '.join(fused.members[i].path for i in group)} */"
+    own, call = places.address(m.cell), f"stepper[{m.declaration}]"
+    if len(group) > 1:
         yield (
-            f"    stepper[{m.declaration}]->do_step(m, m + {m.cell}, {m.cuts[0].pieces}, "
-            f"periods_{i}, N_PERIODS, &now, scratch);"
+            f"    {call}->do_step_together(m, {own}, {len(group)}, {m.cuts[0].pieces}, now, "
+            "at, scratch);"
         )
+        return
+    yield from copies(fused, fused.early_into(group[0]), places, stepping=True)
+    if m.rate >= 0:
+        yield f"    if (uuv_any(due_{m.rate})) {_slower(m)}(m, {own}, due_{m.rate}, at, scratch);"
+        return
+    yield (
+        f"    {call}->do_step(m, {own}, {m.cuts[0].pieces}, {_periods(m.periods)}, N_PERIODS, "
+        "now, at, scratch);"
+    )
+
+
+def _periods(periods: Sequence[int]) -> str:
+    return "_".join(map(str, ("periods", *periods)))
+
+
+def _periods_text(periods: Sequence[int]) -> str:
+    return (
+        f"static const uint8_t {_periods(periods)}[] = {{{', '.join(map(str, periods)) or '0'}}};"
+    )
 
 
 def _side_by_side(fused: Fused) -> list[list[int]]:
@@ -148,29 +186,24 @@ def _side_by_side(fused: Fused) -> list[list[int]]:
     return groups
 
 
-def _initialization(fused: Fused) -> Iterator[str]:
-    """Yield the initialization of a block of lanes."""
-    yield "    memset(m, 0, N_WORD_CELLS * sizeof(V));"
-    for m in fused.members:
-        yield f"    memcpy(m + {m.cell}, start + {m.start_cell}, {m.n_start} * sizeof(V));"
-        yield f"    lane_initialize(declared[{m.declaration}], m + {m.cell});"
+def _initial_outputs(fused: Fused, units: Units) -> Iterator[Work]:
+    """Yield the initialization of a block of lanes that has its start values and states."""
+
+    def outputs(i: int, places: Places) -> Iterator[str]:
+        m = fused.members[i]
+        own = places.address(m.cell)
+        at = places.address(m.cell + m.layout.offset["output"])
+        yield f"    declared[{m.declaration}]->outputs({own}, {own}, {at});"
+
     for operation in initialization(fused):
         if isinstance(operation, int):
-            m = fused.members[operation]
-            at = m.cell + m.layout.offset["output"]
-            yield f"    declared[{m.declaration}]->outputs(m + {m.cell}, m + {at});"
+            yield units.of[operation], partial(outputs, operation)
         else:
-            yield from copies(fused, operation)
-    for m in fused.members:
-        first, last = m.layout.offset["state"], m.layout.size
-        yield f"    lane_check(m, m + {m.cell}, {first}, {last});"
-        if m.rate >= 0:
-            at, n = m.layout.offset["output"], m.layout.count["output"]
-            yield f"    memcpy(m + {m.pending}, m + {m.cell + at}, {n} * sizeof(V));"
+            yield from _copying(fused, units, operation)
 
 
 def initialization(fused: Fused) -> list[int | tuple[Transfer, ...]]:
-    """Return what follows the start values: copies, and members whose outputs are evaluated.
+    """Return the copies and evaluations of outputs that follow the start values.
 
     The order is that of orchestrator/master/initial_values.py.
     """
@@ -178,52 +211,78 @@ def initialization(fused: Fused) -> list[int | tuple[Transfer, ...]]:
     every = range(len(fused.members))
     stale = set(every)  # members whose outputs do not match their inputs
     for entry in [*fused.plan.initialization, tuple(every)]:
-        into = tuple(t for t in fused.plan.transfers if t.target in entry)
+        into = tuple(t for i in entry for t in fused.plan.to_component.get(i, ()))
         sources = {t.source for t in into}
         operations += [*sorted(sources & stale), into]
-        stale = stale - sources | {t.target for t in into}
+        stale -= sources
+        stale |= {t.target for t in into}
     return [*operations, *every]
 
 
-def copies(fused: Fused, transfers: Iterable[Transfer], *, stepping: bool = False) -> Iterator[str]:
+def copies(
+    fused: Fused,
+    transfers: Iterable[Transfer],
+    places: Places | None = None,
+    *,
+    stepping: bool = False,
+) -> Iterator[str]:
     """Yield the copies of transfers; while `stepping`, members with longer steps copy if due."""
+    value_of = (places or Places()).value
     for t in transfers:
         source, target = fused.members[t.source], fused.members[t.target]
         a = source.cell + source.layout.offset_of(t.source_variable.name)
         b = target.cell + target.layout.offset_of(t.target_variable.name)
         fresh = source.pending - source.cell - source.layout.offset["output"]
-        for i, j in zip(t.source_elements, t.target_elements, strict=True):
-            value = f"m[{a + i}]"
+        scaled = (t.factor, t.offset) != (1.0, 0.0)
+        elements = zip(t.source_elements, t.target_elements, strict=True)
+        if not scaled and not (stepping and max(source.rate, target.rate) >= 0):
+            yield from (f"    {value_of(b + j)} = {value_of(a + i)};" for i, j in elements)
+            continue
+        for i, j in elements:
+            value = value_of(a + i)
             if stepping and source.rate >= 0 and fused.is_early(t):
-                value = f"uuv_select(due_{source.rate}, m[{a + i + fresh}], {value})"
-            if (t.factor, t.offset) != (1.0, 0.0):
+                value = f"uuv_select(due_{source.rate}, {value_of(a + i + fresh)}, {value})"
+            if scaled:
                 factor, offset = (
                     f"uuv_const({literal(t.factor)})",
                     f"uuv_const({literal(t.offset)})",
                 )
                 value = f"{factor} * {value} + {offset}"
             if stepping and target.rate >= 0:
-                value = f"uuv_select(due_{target.rate}, {value}, m[{b + j}])"
-            yield f"    m[{b + j}] = {value};"
+                value = f"uuv_select(due_{target.rate}, {value}, {value_of(b + j)})"
+            yield f"    {value_of(b + j)} = {value};"
 
 
-def due_now(fused: Fused) -> Iterator[str]:
-    """Yield the masks of the lanes that begin a longer communication step now."""
-    for rate in sorted({m.rate for m in fused.members} - {-1}):
-        yield f"    const uuv_mask due_{rate} = uuv_mask_of_words(lane_phase_is(m, {rate}, 0));"
+def _masks(fused: Fused, lines: Sequence[str]) -> Iterator[str]:
+    """Yield the masks that lines use: lanes in which a longer step begins, or ends with this tick.
+
+    They are those of the tick's start until its end.
+    """
+    used = {m.groups() for line in lines for m in _MASK.finditer(line)}
+    for name, rate in sorted(used):
+        phase = 0 if name == "due" else fused.periods[int(rate)] - 1
+        phase_is = f"uuv_mask_of_words(lane_phase_is(m, {rate}, {phase}))"
+        yield f"    const uuv_mask {name}_{rate} = {phase_is};"
+
+
+_MASK = re.compile(r"\b(due|ends)_(\d+)\b")
+
+
+def _slower(m: Member) -> str:
+    return f"step_{m.declaration}_{m.rate}"
 
 
 def slower_steps(fused: Fused) -> Iterator[str]:
     """Yield the functions that make a longer communication step; its outputs stay pending."""
-    for i, m in enumerate(fused.members):
-        if m.rate < 0:
-            continue
+    for m in {_slower(m): m for m in fused.members if m.rate >= 0}.values():
         o, n = m.layout.offset, m.layout.count
         n_kept = n["state"] + n["discrete"]
         call = f"stepper[{m.declaration}]"
-        yield f"/* {m.path} */"
-        yield f"static void step_{i}(V *m, uuv_mask due, V *scratch) {{"
-        yield f"    V *b = m + {m.cell}, *x = b + {o['state']}, *pending = m + {m.pending};"
+        yield f"/* {m.source} */"
+        yield f"static void {_slower(m)}(V *m, V *b, uuv_mask due, const uuv_lane_sources *at, "
+        yield "        V *scratch) {"
+        yield "    const V *p = lane_is_own(m, b, at) ? b : b + at->to_first;"
+        yield f"    V *x = b + {o['state']}, *pending = b + {m.layout.size};"
         yield f"    V kept[{n_kept + 1}], fresh[{n['output'] + 1}];"
         yield f"    for (uint32_t i = 0; i < {n_kept}; i++) kept[i] = x[i];"
         ticks = fused.periods[m.rate]
@@ -242,18 +301,18 @@ def slower_steps(fused: Fused) -> Iterator[str]:
                     if fused.periods[period] <= ticks
                     else (f" & uuv_mask_of_words(lane_phase_is(m, {period}, 0))")
                 )
-                yield f"        {call}->sample(b, {clock}, due{also}, sample, t, scratch);"
+                yield f"        {call}->sample(b, p, {clock}, due{also}, sample, t, scratch);"
                 yield "    }"
             last = cut.end == ticks
             to = "end" if last else f"lane_time(m, {cut.end}, 0, tick_num, tick_den).t"
             exact = f"lane_time(m, 0, {length}, tick_num, tick_den).length"
             yield "#if defined(UUV_FLOAT32)"
-            yield f"    {call}->integrate(b, t, {exact}, {cut.pieces}, scratch);"
+            yield f"    {call}->integrate(b, p, t, {exact}, {cut.pieces}, scratch);"
             yield "#else"
-            yield f"    {call}->integrate(b, t, {to} - t, {cut.pieces}, scratch);"
+            yield f"    {call}->integrate(b, p, t, {to} - t, {cut.pieces}, scratch);"
             yield "#endif"
         yield "    b[0] = end;"
-        yield f"    declared[{m.declaration}]->outputs(b, fresh);"
+        yield f"    declared[{m.declaration}]->outputs(b, p, fresh);"
         yield f"    for (uint32_t i = 0; i < {n_kept}; i++) x[i] = uuv_select(due, x[i], kept[i]);"
         yield f"    for (uint32_t i = 0; i < {n['output']}; i++)"
         yield "        pending[i] = uuv_select(due, fresh[i], pending[i]);"
@@ -263,15 +322,9 @@ def slower_steps(fused: Fused) -> Iterator[str]:
         yield ""
 
 
-def becoming_visible(fused: Fused) -> Iterator[str]:
-    """Yield the copies that make outputs visible, of longer steps that end with this tick."""
-    for rate in sorted({m.rate for m in fused.members} - {-1}):
-        last = fused.periods[rate] - 1
-        ends = f"uuv_mask_of_words(lane_phase_is(m, {rate}, {last}))"
-        yield f"    const uuv_mask ends_{rate} = {ends};"
-        for m in fused.members:
-            if m.rate == rate:
-                at = m.cell + m.layout.offset["output"]
-                yield f"    for (uint32_t i = 0; i < {m.layout.count['output']}; i++)"
-                new, old = f"m[{m.pending} + i]", f"m[{at} + i]"
-                yield f"        {old} = uuv_select(ends_{rate}, {new}, {old});"
+def _becoming_visible(m: Member, places: Places) -> Iterator[str]:
+    """Yield the copies that make outputs visible, if the longer step ends with this tick."""
+    old = places.address(m.cell + m.layout.offset["output"])
+    yield f"    for (uint32_t j = 0; j < {m.layout.count['output']}; j++)"
+    new = f"({places.address(m.pending)})[j]"
+    yield f"        ({old})[j] = uuv_select(ends_{m.rate}, {new}, ({old})[j]);"

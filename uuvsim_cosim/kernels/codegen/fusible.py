@@ -10,8 +10,8 @@ from itertools import pairwise
 from math import ceil
 
 from uuvsim_cosim.errors import Problem, SystemInvalid
-from uuvsim_cosim.fmus.codegen.equations import Equations, Layout, equations
-from uuvsim_cosim.fmus.codegen.optimiser_code import optimisers_of
+from uuvsim_cosim.fmus.codegen.equations import Equations, equations
+from uuvsim_cosim.kernels.codegen.outline import Outline, outline_of
 from uuvsim_cosim.orchestrator.plan.plan import Plan, Transfer
 from uuvsim_cosim.orchestrator.system.resolve import resolve
 from uuvsim_cosim.orchestrator.system.sources import ModelSource
@@ -41,7 +41,7 @@ class Member:
     path: str
     source: str
     declaration: int  # index into Fused.sources
-    layout: Layout
+    layout: Outline
     cell: int
     start_cell: int  # first of its start values, which are all before the derived values
     periods: tuple[int, ...]  # of each clock: index into Fused.periods
@@ -65,7 +65,7 @@ class Member:
 
     def is_seed(self, name: str) -> bool:
         """Return whether a variable is the key of its draws: two integers of 32 bits."""
-        v = self.layout.model.variables.get(name)
+        v = self.layout.value(name)
         return (
             name == "seed"
             and v is not None
@@ -78,7 +78,7 @@ class Fused:
     """A plan with its declarations, and the place of every value in a block of lanes."""
 
     plan: Plan
-    equations: Mapping[str, Equations]  # by source
+    declarations: Mapping[str, tuple[ModelSource, Outline]]  # by source
     members: tuple[Member, ...]
     periods: tuple[int, ...]  # of clocks and longer communication steps, in ticks
     cells_a_word: int  # 64-bit integers take two cells of float32
@@ -86,7 +86,12 @@ class Fused:
     @cached_property
     def sources(self) -> tuple[str, ...]:
         """Return the distinct declarations, each of which is compiled once."""
-        return tuple(self.equations)
+        return tuple(self.declarations)
+
+    @cached_property
+    def equations(self) -> Mapping[str, Equations]:
+        """Return the equations of each source; a kernel alone does not need them."""
+        return {text: equations(s.declare()) for text, (s, _) in self.declarations.items()}
 
     @cached_property
     def index(self) -> Mapping[str, int]:
@@ -120,11 +125,23 @@ class Fused:
         components = self.plan.components
         if components[t.source].step_ticks > components[t.target].step_ticks:
             return False
-        for group in self.plan.groups:
-            if t.source in group.members and t.target in group.members:
-                before = group.members.index(t.source) < group.members.index(t.target)
-                return group.algorithm == "gauss-seidel" and before
-        return False
+        source, target = self._places[t.source], self._places[t.target]
+        if source[0] != target[0] or self.plan.groups[source[0]].algorithm != "gauss-seidel":
+            return False
+        return source[1] < target[1]
+
+    @cached_property
+    def _places(self) -> Mapping[int, tuple[int, int]]:
+        """Return each component's group and its place in the group."""
+        return {
+            i: (g, place)
+            for g, group in enumerate(self.plan.groups)
+            for place, i in enumerate(group.members)
+        }
+
+    def early_into(self, i: int) -> list[Transfer]:
+        """Return the transfers into a component that are made just before it steps."""
+        return [t for t in self.plan.to_component.get(i, ()) if self.is_early(t)]
 
     def name_of(self, cell: int) -> tuple[str, str]:
         """Return the variable of a cell, "eta[2]", and the path of its component."""
@@ -132,9 +149,9 @@ class Fused:
         offset = cell - m.cell
         if offset >= m.layout.size:  # an output that is not visible yet
             offset += m.layout.offset["output"] - m.layout.size
-        p = next(p for p in reversed(m.layout.placed) if p.offset <= offset)
-        element = f"[{offset - p.offset + 1}]" if p.variable.shape else ""
-        return f"{p.variable.name}{element}", m.path
+        v = next(v for v in reversed(m.layout.values) if v.offset <= offset)
+        element = f"[{offset - v.offset + 1}]" if v.shape else ""
+        return f"{v.name}{element}", m.path
 
 
 def fused_of(plan: Plan, cells_a_word: int = 1) -> Fused:
@@ -156,37 +173,38 @@ def fused_of(plan: Plan, cells_a_word: int = 1) -> Fused:
         )
     if problems:
         raise SystemInvalid(problems)
-    found = {text: equations(s.declare()) for text, s in sources_of_plan.items()}
+    declarations = {text: (s, outline_of(s)) for text, s in sources_of_plan.items()}
+    found = {text: outline for text, (_, outline) in declarations.items()}
     if plan.start:
         start = f"{float(plan.start):g} s"
         problems.append(Problem("start time", start, "0 s, where a kernel begins"))
     problems += [*_component_problems(plan, found), *_plan_problems(plan)]
     if problems:
         raise SystemInvalid(problems)
-    clocks = {int(k.period / plan.tick) for e in found.values() for k in e.layout.model.clocks}
+    clocks = {int(period / plan.tick) for e in found.values() for _, period in e.periods}
     rates = {c.step_ticks for c in plan.components} - {1}
     periods = tuple(sorted(clocks | rates))
     members: list[Member] = []
-    sources = list(found)
+    place = {text: i for i, text in enumerate(found)}
     cell, start_cell = (HEADER + 2 * len(periods)) * cells_a_word, 0
     for c in plan.components:
-        layout = found[c.source].layout
-        of_clocks = [int(k.period / plan.tick) for k in layout.model.clocks]
+        layout = found[c.source]
+        of_clocks = [int(period / plan.tick) for _, period in layout.periods]
         member = Member(
             path=c.path,
             source=c.source,
-            declaration=sources.index(c.source),
+            declaration=place[c.source],
             layout=layout,
             cell=cell,
             start_cell=start_cell,
             periods=tuple(map(periods.index, of_clocks)),
             rate=-1 if c.step_ticks == 1 else periods.index(c.step_ticks),
-            cuts=tuple(_cuts(plan.tick, layout.model.h_max, c.step_ticks, of_clocks)),
+            cuts=tuple(_cuts(plan.tick, layout.h_max, c.step_ticks, of_clocks)),
         )
         members.append(member)
         cell += member.size
         start_cell += member.n_start
-    return Fused(plan, found, tuple(members), periods, cells_a_word)
+    return Fused(plan, declarations, tuple(members), periods, cells_a_word)
 
 
 def _cuts(tick: Fraction, h_max: float, ticks: int, periods: list[int]) -> Iterator[Cut]:
@@ -199,10 +217,10 @@ def _cuts(tick: Fraction, h_max: float, ticks: int, periods: list[int]) -> Itera
         yield Cut(begin, end, clocks, pieces)
 
 
-def _component_problems(plan: Plan, found: Mapping[str, Equations]) -> Iterator[Problem]:
+def _component_problems(plan: Plan, found: Mapping[str, Outline]) -> Iterator[Problem]:
     """Yield the components with an optimiser, and the clocks that do not fit their step."""
     for c in plan.components:
-        if optimisers_of(list(found[c.source].updates)):
+        if found[c.source].optimises:
             yield Problem(
                 c.path,
                 f"an optimiser, {c.source}, in a kernel",
@@ -210,12 +228,12 @@ def _component_problems(plan: Plan, found: Mapping[str, Equations]) -> Iterator[
             )
     for c in plan.components:
         step = c.step_ticks * plan.tick
-        for clock in found[c.source].layout.model.clocks:
-            what = f"clock {clock.name!r} with a period of {clock.period} s in a kernel"
-            if (clock.period / plan.tick).denominator != 1:
+        for name, period in found[c.source].periods:
+            what = f"clock {name!r} with a period of {period} s in a kernel"
+            if (period / plan.tick).denominator != 1:
                 expected = f"a whole multiple of the communication step, {plan.tick} s"
                 yield Problem(c.path, what, expected)
-            elif 1 not in ((clock.period / step).denominator, (step / clock.period).denominator):
+            elif 1 not in ((period / step).denominator, (step / period).denominator):
                 expected = f"a whole multiple of its communication step, {step} s, or a whole part"
                 yield Problem(c.path, what, expected)
 

@@ -20,11 +20,12 @@ from uuvsim_cosim.fmus.codegen.toolchain import (
     compiler,
     generated_sources,
     load_library,
+    refuse_to_compile,
 )
 from uuvsim_cosim.fmus.description import Variable
-from uuvsim_cosim.kernels.codegen.declaration import declaration_text
 from uuvsim_cosim.kernels.codegen.driver import driver_text
 from uuvsim_cosim.kernels.codegen.fusible import Fused
+from uuvsim_cosim.kernels.codegen.outline import changed, written
 from uuvsim_cosim.share import compute_in_threads
 
 __all__ = ["Program", "compiled", "compiled_draws", "processor_flags"]
@@ -32,10 +33,13 @@ __all__ = ["Program", "compiled", "compiled_draws", "processor_flags"]
 
 def compiled(name: str, text: str, flags: tuple[str, ...]) -> Path:
     """Compile generated C into a library in the cache, and return its path."""
+    (file,) = generated_sources({f"{name}.c": text})
+    return _compiled_file(file, flags)
+
+
+def _compiled_file(file: Path, flags: tuple[str, ...]) -> Path:
     include = [content("fmus", "kernels"), *runtime()]
-    return compile_shared(
-        generated_sources({f"{name}.c": text}), name=f"{name}_lanes", include=include, flags=flags
-    )
+    return compile_shared([file], name=f"{file.stem}_lanes", include=include, flags=flags)
 
 
 def compiled_draws(flags: tuple[str, ...]) -> Path:
@@ -82,22 +86,24 @@ class Program:
         draws_flags = ("-DUUV_W=8", "-Wno-psabi", *flags[2:])
         if single:
             flags = (*flags, "-DUUV_FLOAT32", "-ffp-contract=fast")
-        texts = [declaration_text(fused.equations[s], dtype) for s in fused.sources]
-        names = [fused.equations[s].layout.model.name for s in fused.sources]
-        driver = driver_text(fused, [content_hash([t, *flags]) for t in texts])
+        texts = [written(*declared, dtype) for declared in fused.declarations.values()]
+        self.tokens = [t.token for t in texts]  # of the declarations
+        driver = driver_text(fused, [content_hash([t, *flags]) for t in self.tokens])
+        refuse_to_compile("kernel", len(driver))  # it is compiled last
         jobs: dict[int | str, Callable[[], Path]] = {
-            i: partial(compiled, names[i], texts[i], flags) for i in range(len(texts))
+            i: partial(_compiled_file, text.file, flags) for i, text in enumerate(texts)
         }
         jobs["driver"] = partial(compiled, "kernel", driver, flags)
         if single:
             jobs["draws"] = partial(compiled_draws, draws_flags)
         # The longest first, so that the compiler's threads end at about the same time.
-        longest_first = sorted(jobs, key=lambda i: -len(texts[i]) if isinstance(i, int) else 0)
+        length = [text.outline.operations for text in texts]
+        longest_first = sorted(jobs, key=lambda i: -length[i] if isinstance(i, int) else 0)
         built = dict(compute_in_threads(lambda i: jobs[i](), longest_first, os.cpu_count() or 1))
         pointer, u32, u64 = ctypes.c_void_p, ctypes.c_uint32, ctypes.c_uint64
         signatures: Signatures = {
             "uuv_kernel_bind": (None, [u32, pointer]),
-            "uuv_kernel_step": (ctypes.c_int32, [pointer, u64, u64, u64]),
+            "uuv_kernel_step": (ctypes.c_int32, [pointer, pointer, u64, u64, u64]),
             "uuv_kernel_reset": (ctypes.c_int32, [pointer, pointer, pointer, pointer, u64, u64]),
             "uuv_kernel_seed": (None, [pointer, pointer, pointer, u64, u64]),
             "uuv_kernel_derive": (None, [pointer, u32, u64, u64]),
@@ -113,6 +119,22 @@ class Program:
         for i in range(len(texts)):
             table = ctypes.c_char.in_dll(self._libraries[i], "uuv_the_lane_stepper")
             self.c.uuv_kernel_bind(i, ctypes.addressof(table))
+
+    def check_unchanged(self) -> None:
+        """Raise InputInvalid if the declarations are no longer those that were compiled.
+
+        Derivatives are made from the declarations as they are now, so they need this check.
+
+        Example:
+
+        >>> import uuvsim_cosim as uuv
+        >>> kernel = uuv.fuse(uuv.System("tank").add("hull", "model:sphere"))
+        >>> kernel.check_unchanged()  # no file of the vehicle has changed since
+        """
+        declared = self.fused.declarations.values()
+        for (source, outline), token in zip(declared, self.tokens, strict=True):
+            if written(source, outline, self.dtype).token != token:
+                raise changed(source)
 
     @cached_property
     def variables(self) -> Mapping[str, Variable]:

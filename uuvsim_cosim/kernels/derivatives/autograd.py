@@ -29,11 +29,26 @@ def rollout(
     inputs: Mapping[str, object] | None = None,
     **more: Any,
 ) -> dict[str, torch.Tensor]:
-    """Return the outputs at the end of every step, (steps, n_envs, …), as tensors of float64.
+    """Return the `outputs` of a `kernel` at the end of each of its `steps`, as torch tensors.
 
-    `start` and `inputs` are those of `Rollout`, as tensors of any device and real type, which
+    They are by name, (steps, n_envs, …), float64. `start` are values of parameters and unconnected
+    inputs by name, of the variable's shape or one row for each environment; `inputs` are values of
+    unconnected inputs that change, (steps, …). Both are tensors of any device and real type, which
     gradients have as well; `more` is n_envs, seeds, threads. Adjoints are compiled only if a
-    tensor requires a gradient. Raises InputInvalid if torch is not installed (extra `rl`).
+    tensor requires a gradient. Raises InputInvalid for a shape that does not fit, and if torch is
+    not installed (extra `rl`).
+
+    Example:
+
+    >>> import torch
+    >>> import uuvsim_cosim as uuv
+    >>> from uuvsim_cosim.kernels import rollout
+    >>> kernel = uuv.fuse(uuv.System("tank").add("hull", "model:sphere"))
+    >>> tau = torch.tensor([10.0, 0, 0, 0, 0, 0], requires_grad=True)  # N, N.m
+    >>> eta = rollout(kernel, {"hull.tau": tau}, ["hull.eta"], steps=100)["hull.eta"]
+    >>> eta[-1, 0, 0].backward()  # position N after a second [m]
+    >>> f"{tau.grad[0]:.4f} m/N"
+    '0.0096 m/N'
     """
     through, torch = _through()
     sequences = {} if inputs is None else dict(inputs)

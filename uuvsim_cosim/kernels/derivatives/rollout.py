@@ -12,6 +12,7 @@ import numpy as np
 
 from uuvsim_cosim.cache import content_hash
 from uuvsim_cosim.errors import InputInvalid, Problem, SystemInvalid
+from uuvsim_cosim.fmus.resources import refuse_unless_it_fits
 from uuvsim_cosim.kernels.batch.batch import Batch, Seeds
 from uuvsim_cosim.kernels.batch.memory import Lanes, Signal, aligned, signal_of
 from uuvsim_cosim.kernels.codegen.derivative import (
@@ -35,13 +36,14 @@ class Derivative:
 
     def __init__(self, kernel: Program, mode: Mode) -> None:
         fused = kernel.fused
+        kernel.check_unchanged()  # the derivatives are made from the declarations of now
         problems = [*_undifferentiable(kernel)]
         if problems:
             raise SystemInvalid(problems)
         flags = (f"-DUUV_W={kernel.lanes}", "-Wno-psabi", *processor_flags(kernel.baseline))
         texts = [derivative_text(fused.equations[s], mode) for s in fused.sources]
         driver = derivative_driver_text(fused, mode, [content_hash([t, *flags]) for t in texts])
-        names = [f"{fused.equations[s].layout.model.name}_{mode}" for s in fused.sources]
+        names = [f"{outline.name}_{mode}" for _, outline in fused.declarations.values()]
         jobs = [*zip([*names, f"kernel_{mode}"], [*texts, driver], strict=True)]
         built = dict(compute_in_threads(lambda job: compiled(*job, flags), jobs, 2))
         *libraries, self.c = (ctypes.CDLL(str(built[job])) for job in jobs)
@@ -125,6 +127,12 @@ class Rollout:
         if twice:
             raise InputInvalid(min(twice), "is given as start and as inputs", "one")
         self.outputs = {name: self._real(name) for name in outputs}
+        refuse_unless_it_fits(
+            "steps",
+            f"outputs of {steps} steps of {n_envs} environments",
+            8 * steps * n_envs * sum(s.variable.size for s in self.outputs.values()),
+            "at most 1/{times} of these steps, fewer outputs or fewer environments",
+        )
         self._tapes: np.ndarray | None = None
 
     def _real(self, name: str) -> Signal:

@@ -19,9 +19,9 @@ from uuvsim_cosim.fmus.export.system_fmu_file import (
     component_table,
     sources_of,
 )
-from uuvsim_cosim.kernels.codegen.declaration import declaration_text
 from uuvsim_cosim.kernels.codegen.driver import driver_text
 from uuvsim_cosim.kernels.codegen.fusible import Fused, fused_of
+from uuvsim_cosim.kernels.codegen.outline import written
 from uuvsim_cosim.kernels.system_fmu.variables import (
     Exposed,
     Naming,
@@ -34,8 +34,8 @@ from uuvsim_cosim.orchestrator.system.system import System
 
 __all__ = ["build_system_fmu", "system_text"]
 
-_PAGE = """This is a whole system of components as one. It makes whole communication steps of its
-own, so that the importer's must be a whole multiple of it. Each makes the same bits as the
+_PAGE = """This FMU contains a whole system of components. It makes whole communication steps of its
+own, so the importer's step must be a whole multiple of them. Each step gives the same bits as the
 master. Parameters and inputs are named as in the system, with _ for a dot."""
 
 
@@ -68,7 +68,7 @@ def build_system_fmu(
         causality="parameter",
         variability="fixed",
         start=0,
-        description="seed of all random numbers of the system, as `uuvsim run --seed` has it",
+        description="seed of all random numbers of the system, as in `uuvsim run --seed`",
         initial="exact",
         value_references=(1 + n_before,),
     )
@@ -76,10 +76,9 @@ def build_system_fmu(
     description = description_of(system.name, system.description, plan, every, [seed])
     identifier = model_identifier(system.name)
     texts = {}  # a file for each distinct declaration, whose steps have a distinct name
-    for i, source in enumerate(fused.sources):
-        eq = fused.equations[source]
-        text = declaration_text(eq, np.dtype(np.float64))
-        name = f"declared_{i}_{model_identifier(eq.layout.model.name)}.c"
+    for i, (source, outline) in enumerate(fused.declarations.values()):
+        text = written(source, outline, np.dtype(np.float64)).file.read_text()
+        name = f"declared_{i}_{model_identifier(outline.name)}.c"
         texts[name] = f"#define uuv_the_lane_stepper uuv_the_lane_stepper_{i}\n{text}"
     driver = driver_text(fused, [content_hash([t]) for t in texts.values()])
     body = system_text(fused, every, seed.value_references[0])
@@ -125,12 +124,11 @@ def system_text(fused: Fused, variables: Sequence[Exposed], seed: int) -> str:
     names: list[str] = []  # for messages; pending outputs follow a component's values
     start_values = np.zeros(fused.n_start)  # of the plan, else of the declarations
     for c, m in zip(fused.plan.components, fused.members, strict=True):
-        for p in m.layout.placed:
-            v = p.variable
-            names.append(f'{m.cell + p.offset}, {int(bool(v.shape))}, "{m.path}.{v.name}"')
+        for v in m.layout.values:
+            names.append(f'{m.cell + v.offset}, {int(bool(v.shape))}, "{m.path}.{v.name}"')
             if v.kind in ("input", "parameter"):
                 value = c.start.get(v.name, v.start)
-                at = m.start_cell + p.offset
+                at = m.start_cell + v.offset
                 start_values[at : at + v.size] = np.ravel(np.asarray(value, float))
         if m.rate >= 0:
             names.append(f'{m.pending}, 0, "an output of {m.path}"')

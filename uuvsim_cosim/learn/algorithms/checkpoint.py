@@ -1,4 +1,4 @@
-"""Checkpoint: the whole state of a training in one file; a resumed training has the same bits."""
+"""Checkpoint: the whole state of a training in one file, so that it resumes with the same bits."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ FORMAT = 2  # 1: without averaged actors
 
 
 def save_checkpoint(path: Path, content: State) -> None:
-    """Write a state, whole or not at all."""
+    """Write a state, whole or not at all; raises RecordingError if it cannot be written."""
     buffer = io.BytesIO()
     torch.save({"uuvsim_checkpoint": FORMAT, "content": _tensors(content)}, buffer)
     try:
@@ -33,13 +33,16 @@ def save_checkpoint(path: Path, content: State) -> None:
     except OSError as error:
         raise RecordingError(
             path,
-            f"{error.strerror}; the checkpoint of before is kept",
+            f"{error.strerror}; the previous checkpoint is kept",
             f"{len(buffer.getvalue())} free bytes in a folder that can be written",
         ) from error
 
 
 def load_checkpoint(path: Path) -> dict[str, Any]:
-    """Read a file of `save_checkpoint`; no code of the file is run. Raises InputInvalid."""
+    """Read a file of `save_checkpoint`, without running code from it.
+
+    Raises InputInvalid for a file that is missing, damaged, or of another program or version.
+    """
     if not path.is_file():
         raise InputInvalid(path, "no such file", "a checkpoint (.pt)")
     wanted = "expected a whole checkpoint as `uuvsim train` writes it"
@@ -60,7 +63,7 @@ def load_checkpoint(path: Path) -> dict[str, Any]:
         raise InputInvalid(
             path,
             f"format {read['uuvsim_checkpoint']}, written by another version of this package",
-            f"{FORMAT}, or to begin anew (--restart)",
+            f"{FORMAT}, or a new start (--restart)",
         )
     return dict(_arrays(read["content"]))
 
@@ -75,7 +78,7 @@ def unfit(error: Exception) -> InputInvalid:
 
 
 def philox_state(random: np.random.Generator) -> dict[str, list[int]]:
-    """Return a generator's state as plain integers."""
+    """Return the state of a Philox generator as plain integers."""
     state = random.bit_generator.state
     inner = state["state"]
     return {
@@ -87,7 +90,7 @@ def philox_state(random: np.random.Generator) -> dict[str, list[int]]:
 
 
 def set_philox_state(random: np.random.Generator, kept: Mapping[str, list[int]]) -> None:
-    """Restore a generator's state."""
+    """Restore the state of a Philox generator."""
     pos, has, word = kept["rest"]
     random.bit_generator.state = {
         "bit_generator": "Philox",

@@ -1,6 +1,7 @@
-"""Deep Q-learning of N independent agents at once, which choose among a grid of actions.
+"""Deep Q-learning of N independent agents, which choose among a grid of actions.
 
-Mnih et al., "Human-level control through deep reinforcement learning", 2015, for each agent:
+Mnih et al., "Human-level control through deep reinforcement learning", 2015. For each agent, with
+the target network Q^-:
 
     L(Q) = huber(Q(s, a) - y),   y = r + gamma (1 - terminated) max_a' Q^-(s', a')
 """
@@ -31,25 +32,25 @@ Array = NDArray[np.float32]
 
 @dataclass(frozen=True)
 class DqnSettings:
-    """The numbers of DQN; those that the UUVSim paper names are the same as of MASAC."""
+    """Settings of DQN; those that the UUVSim paper names have the same values as for MASAC."""
 
-    lr: float = 3e-4
-    gamma: float = 0.99
-    tau: float = 0.01  # soft update
+    lr: float = 3e-4  # step size of Adam
+    gamma: float = 0.99  # discount factor
+    tau: float = 0.01  # soft update of the target networks
     epsilon: float = 1.0  # share of random actions at the start
-    epsilon_end: float = 0.05
-    epsilon_steps: int = 20_000  # environment steps until then, linearly
-    batch: int = 256
-    buffer: int = 100_000  # transitions
-    warm_up: int = 500  # environment steps without updates
-    updates: float = 1.0  # for each step of all environments together
-    hidden: int = 256
-    layers: int = 2
+    epsilon_end: float = 0.05  # the same at the end
+    epsilon_steps: int = 20_000  # environment steps of the linear decrease between them
+    batch: int = 256  # transitions in one update
+    buffer: int = 100_000  # transitions that the replay buffer holds
+    warm_up: int = 500  # environment steps before the first update
+    updates: float = 1.0  # gradient updates each time that all environments have made one step
+    hidden: int = 256  # width of each hidden layer
+    layers: int = 2  # number of hidden layers
 
 
 @final
 class DqnLearner:
-    """N agents of equal widths, each with its own network, in one stacked batch."""
+    """DQN of N agents with equal widths; each has a network of its own in one stacked batch."""
 
     def __init__(
         self,
@@ -72,14 +73,14 @@ class DqnLearner:
         self.target.load_state_dict(self.network.state_dict())
         self.target.requires_grad_(False)
         self._optimizer = torch.optim.Adam(self.network.parameters(), lr=s.lr)
-        self._replay = Replay(s.buffer, agents, observed, 1)  # of choices' numbers
+        self._replay = Replay(s.buffer, agents, observed, 1)  # an action is a row of `grid`
         self._random = np.random.Generator(np.random.Philox(key=seed % 2**64))
         self._steps, self._due, self._updates = 0, 0.0, 0
         self._chosen: NDArray[np.int64] | None = None
 
     @property
     def settings(self) -> Mapping[str, float]:
-        """All numbers."""
+        """All settings by name."""
         return asdict(self.given)
 
     @property
@@ -91,7 +92,7 @@ class DqnLearner:
 
     @torch.no_grad()
     def act(self, observation: Array, explore: bool = True) -> Array:
-        """Return the actions of greatest value; epsilon-greedy while exploring."""
+        """Return the actions of greatest value; with `explore`, some are random (epsilon)."""
         o = torch.as_tensor(observation, dtype=torch.float32).transpose(0, 1)
         chosen = np.asarray(self.network(o).argmax(-1).T.numpy())
         if explore:
@@ -136,7 +137,7 @@ class DqnLearner:
         return {"q_loss": value, "q": float(q.detach().mean())}
 
     def tensors(self, agent: int) -> tuple[str, Mapping[str, Array]]:
-        """Return a network, and the grid whose row of greatest value it chooses."""
+        """Return an agent's network, and the grid of actions; the greatest value selects a row."""
         return "grid", {**self.network.tensors(agent), "grid": self.grid}
 
     def go_on_from(self, last: Self, seed: int) -> None:
@@ -147,7 +148,7 @@ class DqnLearner:
             pass_on(of, to, nets, [[(0, 0)]] * self.agents, awake)
 
     def state(self) -> State:
-        """Return networks, optimiser, buffer, counters, random numbers."""
+        """Return networks, optimiser, buffer, counters and random number generator."""
         return {
             "network": self.network.state_dict(),
             "target": self.target.state_dict(),
@@ -171,10 +172,11 @@ class DqnLearner:
 
 
 def action_grid(width: int) -> NDArray[np.float32]:
-    """Return the choices (k, width), in [-1, 1].
+    """Return the actions to choose from, of shape (k, width), in [-1, 1].
 
-    Two actions, such as (a, omega) of target tracking: a grid of 3 x 5. One action: 5 levels. More
-    actions: all 0, or one of them at -1 or 1, which are 2 width + 1 choices.
+    For two numbers, such as (a, omega) of target tracking, they are a grid of 3 x 5; for one
+    number, 5 levels. For more numbers, an action is zero or has one number at -1 or 1 and the
+    others at zero, which gives 2 width + 1 actions.
     """
     levels = np.linspace(-1.0, 1.0, 5)
     if width == 1:

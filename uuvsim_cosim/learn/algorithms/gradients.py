@@ -17,10 +17,10 @@ def descend(
     algorithm: str, name: str, optimizer: torch.optim.Optimizer, loss: Tensor, *, agents: int = 1,
     network: str = "",
 ) -> float:  # fmt: skip
-    """Make a gradient step on the sum of the agents' losses; returns their mean.
+    """Make a gradient step on the sum of the agents' losses; return their mean.
 
-    Raises LearningDiverged for NaN, before anything is changed; `network`, by default `name`, names
-    the gradient there.
+    Raises LearningDiverged, before any network changes, if the loss or a gradient is not finite.
+    The message names the loss `name`, or the gradient of `network` (by default `name`).
     """
     value = float(loss.detach()) / agents
     if not math.isfinite(value):
@@ -33,7 +33,7 @@ def descend(
 
 
 def check_gradients(algorithm: str, name: str, parameters: Iterable[Tensor]) -> None:
-    """Raise LearningDiverged where a gradient is NaN or infinite, before it changes anything."""
+    """Raise LearningDiverged if a gradient is not finite."""
     given = [p.grad for p in parameters if p.grad is not None]
     if not given:
         return
@@ -44,7 +44,7 @@ def check_gradients(algorithm: str, name: str, parameters: Iterable[Tensor]) -> 
 
 @torch.no_grad()
 def clip_by_network(parameters: Iterable[Tensor], most: float) -> None:
-    """Clip the gradient of each network of a stack (the first axis) to the norm `most`."""
+    """Scale down gradients to the norm `most`, separately for each network (the first axis)."""
     given = [p.grad for p in parameters if p.grad is not None]
     squares = torch.stack([g.flatten(1).square().sum(1) for g in given]).sum(0)
     scale = (most / (squares.sqrt() + 1e-6)).clamp(max=1.0)

@@ -1,14 +1,15 @@
 """Multi-agent soft actor-critic: central critics, local actors; with one agent it is SAC.
 
-The UUVSim paper's equations (9) to (12), with the twin minimum and the (1 - terminated) that they
-leave out. For agent i, s and a those of all agents, s_i its own observation:
+The UUVSim paper's equations (9) to (12), with the minimum of two critics and the factor
+(1 - terminated), which the paper leaves out. For agent i, with s and a of all agents and its own
+observation s_i:
 
     (9)   L(Q_i) = 1/2 (Q_i(s, a) - y_i)²,  y_i = r_i + gamma (1 - terminated_i) V_i(s')
     (10)  V_i(s') = min_k Q_ik^-(s', a') - alpha_i log pi_i(a'_i | s'_i),    a' of all actors
     (11)  L(pi_i) = alpha_i log pi_i(a_i | s_i) - min_k Q_ik(s, a),          a_i of actor i alone
     (12)  L(alpha_i) = -alpha_i (log pi_i + H0),                             H0 = -dim a
 
-All agents and both critics of each are one stacked batch of networks.
+The actors of all agents are one stacked batch of networks, and so are their critics, two each.
 """
 
 from __future__ import annotations
@@ -38,26 +39,31 @@ LOG_STD = -5.0, 2.0  # limits of the logarithm of an actor's deviation
 
 @dataclass(frozen=True)
 class MasacSettings:
-    """The paper's numbers, and others that it does not give (see docs/learning/learning.md)."""
+    """Settings of SAC and MASAC; values are the paper's where it has them.
 
-    lr: float = 3e-4
-    gamma: float = 0.99
-    tau: float = 0.01  # soft update
-    alpha: float = 0.2  # of the start
-    tune_alpha: bool = True
-    hidden: int = 256
-    layers: int = 2
-    central: bool = True  # critics see all agents; without: independent SAC
-    shared: bool = False  # one actor and one critic for all agents, each seen as the first
-    h0: float = 1.0  # the entropy wanted is -h0 dim a
-    centre: float = 0.0  # rate of the mean reward that is subtracted from the rewards
-    normalised: bool = False  # layers of the critics, see `StackedMLP`
-    average: float = 1.0  # weight of the actor in the exported moving average; 1: the actor itself
+    docs/learning/learning.md describes the others.
+    """
+
+    lr: float = 3e-4  # step size of Adam
+    gamma: float = 0.99  # discount factor
+    tau: float = 0.01  # soft update of the target networks
+    alpha: float = 0.2  # initial temperature
+    tune_alpha: bool = True  # whether the temperature is tuned
+    hidden: int = 256  # width of each hidden layer
+    layers: int = 2  # number of hidden layers
+    central: bool = True  # each critic sees all agents; False: independent SAC
+    shared: bool = False  # one actor and one critic for all agents; each agent is its first input
+    h0: float = 1.0  # the target entropy is -h0 dim a
+    centre: float = 0.0  # rate at which the subtracted mean reward follows the critics' error
+    normalised: bool = False  # layer normalisation in the critics, see `StackedMLP`
+    # Weight of the current actor in the exponential moving average that is evaluated and exported.
+    # With 1, the current actor itself is used.
+    average: float = 1.0
 
 
 @final
 class Masac:
-    """N agents that observe `observed` numbers each and act on `acted`."""
+    """Networks of N agents, each of which observes `observed` numbers and acts by `acted`."""
 
     def __init__(
         self, agents: int, observed: int, acted: int, settings: MasacSettings, seed: int
@@ -96,7 +102,11 @@ class Masac:
 
     @torch.no_grad()
     def act(self, observation: NDArray[np.generic], explore: bool = True) -> NDArray[np.float32]:
-        """Return actions (n, N, a) of observations (n, N, d): drawn, or each actor's mean."""
+        """Return actions (n, N, a) for observations (n, N, d).
+
+        With `explore`, they are drawn from the actors' distributions; otherwise, they are the means
+        of the averaged actors.
+        """
         o = torch.as_tensor(observation, dtype=torch.float32).transpose(0, 1)
         if explore:
             action, _ = self._drawn(o)
@@ -110,7 +120,7 @@ class Masac:
         return folded.view(*o.shape[:2], -1)
 
     def _drawn(self, o: Tensor) -> tuple[Tensor, Tensor]:
-        """Return actions (N, n, a) and their log density (N, n), of the squashed Gaussian."""
+        """Draw actions (N, n, a) of the squashed Gaussians; return them and their log density."""
         mean, log_std = self._acts(self.actor, o).chunk(2, dim=-1)
         log_std = log_std.clamp(*LOG_STD)
         noise = torch.randn(mean.shape, generator=self.random)
@@ -123,7 +133,10 @@ class Masac:
     # ---- learning -------------------------------------------------------------------------
 
     def update(self, drawn: Transitions, *, critic_only: bool = False) -> dict[str, float]:
-        """Make one gradient step of each network; gives the losses and alpha, means of agents."""
+        """Make one gradient step of each network; return the losses and alpha, means over agents.
+
+        With `critic_only`, the actors and the temperatures are not changed.
+        """
         columns = drawn.observation, drawn.action, drawn.after
         o, a, after = (torch.from_numpy(x).transpose(0, 1) for x in columns)
         r, ended = (torch.from_numpy(x).T for x in (drawn.reward, drawn.terminated))
@@ -146,10 +159,11 @@ class Masac:
         return {**losses, "alpha": float(alpha.mean()), "q": float(q.detach().mean())}
 
     def _offset(self, ended: Tensor) -> Tensor:
-        """Return the share of a mean reward c in y (N, n): without it, Q is Q - c / (1 - gamma).
+        """Return the part of the targets y (N, n) that is due to the mean reward c.
 
-        Naik et al., "Reward Centering", 2024. The best action stays the best, also where episodes
-        end, and learning no longer begins with climbing to c / (1 - gamma).
+        Naik et al., "Reward Centering", 2024. If this part is subtracted, the critics learn
+        Q - c / (1 - gamma) instead of Q. The best action is the same, also where episodes end, and
+        the critics need not first rise to c / (1 - gamma).
         """
         share = 1.0 - self.settings.gamma * (1.0 - ended)
         return self.centre[:, None] * share / max(1.0 - self.settings.gamma, 1e-9)
@@ -173,7 +187,10 @@ class Masac:
         return descend("masac", f"{name}_loss", optimizer, loss, agents=self.agents, network=name)
 
     def _seen(self, o: Tensor, a: Tensor, own: Tensor | None = None) -> Tensor:
-        """Return the input of each agent's critics (N, n, seen); `own` replaces its action."""
+        """Return the inputs of each agent's critics (N, n, width).
+
+        If `own` is given, these are the agents' own actions instead of those in `a`.
+        """
         if not self.settings.central:
             return torch.cat([o, a if own is None else own], -1)
         n = o.shape[1]
@@ -189,7 +206,7 @@ class Masac:
         return torch.cat([every_o, every_a.reshape(self.agents, n, -1)], -1)
 
     def _q(self, critic: StackedMLP, seen: Tensor) -> Tensor:
-        """Return both values of each agent, of shape (N, 2, n)."""
+        """Return the values of each agent's two critics, of shape (N, 2, n)."""
         folded = seen.reshape(self.nets, -1, seen.shape[-1]).repeat_interleave(2, 0)
         both: Tensor = critic(folded)
         if self.settings.shared:
@@ -225,7 +242,7 @@ class Masac:
             optimizer.load_state_dict(state[f"adam_{name}"])
 
     def tensors(self, agent: int) -> dict[str, NDArray[np.float32]]:
-        """Return one actor's mean as the tensors of a `Policy`."""
+        """Return the mean of an agent's averaged actor as the tensors of a `Policy`."""
         given: dict[str, NDArray[np.float32]] = {}
         agent, last = min(agent, self.nets - 1), len(self.averaged.weights) - 1
         for i, (w, b) in enumerate(zip(self.averaged.weights, self.averaged.biases, strict=True)):

@@ -23,21 +23,21 @@ Array = NDArray[np.float32]
 
 @dataclass(frozen=True)
 class OffPolicySettings:
-    """The numbers of the replay buffer and of the updates."""
+    """Settings of the replay buffer and of the updates."""
 
-    batch: int = 256
-    buffer: int = 100_000  # transitions
-    warm_up: int = 500  # environment steps with random actions, without updates
-    critic_only: int = 0  # updates of the critics alone, after a transfer
-    updates: float = 1.0  # for each step of all environments together
-    actor_every: int = 1  # updates of the critics for one of actors and temperatures
-    n_step: int = 1  # rewards that a transition adds up
-    mirror: bool = False  # draw transitions as the task's symmetries have them, as well
+    batch: int = 256  # transitions in one update
+    buffer: int = 100_000  # transitions that the replay buffer holds
+    warm_up: int = 500  # environment steps with random actions and without updates
+    critic_only: int = 0  # first updates after a transfer, which change the critics only
+    updates: float = 1.0  # gradient updates each time that all environments have made one step
+    actor_every: int = 1  # updates of the critics for each update of actors and temperatures
+    n_step: int = 1  # number of rewards that a transition sums
+    mirror: bool = False  # transitions are also sampled as mirror images (the task's symmetries)
 
 
 @final
 class MasacLearner:
-    """N agents of equal widths, each with its own actor and (twin) critic."""
+    """SAC or MASAC of N agents with equal widths; each has an actor and two critics."""
 
     def __init__(
         self,
@@ -63,18 +63,18 @@ class MasacLearner:
 
     @property
     def name(self) -> str:
-        """Return "sac" for one agent, "isac" for critics of their own, else "masac"."""
+        """The name: "sac" for one agent, "masac" with central critics, else "isac"."""
         if self.masac.agents == 1:
             return "sac"
         return "masac" if self.masac.settings.central else "isac"
 
     @property
     def settings(self) -> Mapping[str, float]:
-        """All settings."""
+        """All settings by name."""
         return {**asdict(self.masac.settings), **asdict(self.schedule)}
 
     def act(self, observation: Array, explore: bool = True) -> Array:
-        """Return actions: random ones during the warm-up."""
+        """Return actions (n, N, a); with `explore`, they are random during the warm-up."""
         if explore and self._steps < self.schedule.warm_up:
             shape = (*observation.shape[:2], self.masac.acted)
             return self._random.uniform(-1.0, 1.0, shape).astype(np.float32)
@@ -102,17 +102,17 @@ class MasacLearner:
         return {**losses, "updates": float(self._updates)} if losses else {}
 
     def tensors(self, agent: int) -> tuple[str, Mapping[str, Array]]:
-        """Return an actor's mean."""
+        """Return the kind "tanh" and the tensors of an agent's mean action."""
         return "tanh", self.masac.tensors(agent)
 
     def go_on_from(self, last: Self, seed: int) -> None:
-        """Continue with the networks of `last`; see `transfer`. Raises InputInvalid."""
+        """Continue with the networks of `last`, see `transfer`; raises InputInvalid."""
         m = self.masac
         awake = last._replay.awake()
         self.masac = transfer(last.masac, m.agents, awake, seed=seed, settings=m.settings)
 
     def state(self) -> State:
-        """Return networks, optimisers, buffer, counters, random numbers."""
+        """Return networks, optimisers, buffer, counters and random number generators."""
         return {
             "masac": self.masac.state(),
             "replay": self._replay.state(),

@@ -8,8 +8,9 @@ Schulman et al., "Proximal Policy Optimization Algorithms", 2017, with generalis
     L(pi)   = -min(rho A, clip(rho, 1 - epsilon, 1 + epsilon) A),   rho = pi(a|s) / pi_old(a|s)
     L(V)    = 1/2 (V - (A + V_old))²
 
-s' is what an episode ended with, so that one cut short by its horizon is worth what comes after.
-An agent that ends before its team does is not given what comes after its end.
+s' is the last observation of an episode that ended, so that the value of that state is included if
+the horizon truncated the episode. The advantages of an agent that ends before its team do not
+include rewards after its end.
 """
 
 from __future__ import annotations
@@ -39,26 +40,26 @@ Array = NDArray[np.float32]
 
 @dataclass(frozen=True)
 class PpoSettings:
-    """The numbers of PPO; those that the UUVSim paper names are the same as of MASAC."""
+    """Settings of PPO; those that the UUVSim paper names have the same values as for MASAC."""
 
-    lr: float = 3e-4
-    gamma: float = 0.99
-    gae_lambda: float = 0.95
-    clip: float = 0.2
-    samples: int = 2048  # environment steps between updates, of all environments together
-    epochs: int = 10  # times that each of them is learned from
-    batch: int = 256
+    lr: float = 3e-4  # step size of Adam
+    gamma: float = 0.99  # discount factor
+    gae_lambda: float = 0.95  # lambda of generalised advantage estimation
+    clip: float = 0.2  # clipping range of the probability ratio
+    samples: int = 2048  # environment steps between updates, summed over all environments
+    epochs: int = 10  # number of times that each sample is used
+    batch: int = 256  # samples in one update
     entropy: float = 0.0  # weight of the entropy in the loss
-    value: float = 0.5  # weight of the values' loss
-    max_norm: float = 0.5  # of each agent's gradient
-    log_std: float = 0.0  # of the start
-    hidden: int = 256
-    layers: int = 2
+    value: float = 0.5  # weight of the value error in the loss
+    max_norm: float = 0.5  # greatest norm of each agent's gradient
+    log_std: float = 0.0  # initial logarithm of the actions' standard deviation
+    hidden: int = 256  # width of each hidden layer
+    layers: int = 2  # number of hidden layers
 
 
 @final
 class PpoLearner:
-    """N agents of equal widths, each with its own actor and critic, in one stacked batch."""
+    """PPO of N agents with equal widths; each has an actor and a critic in a stacked batch."""
 
     def __init__(
         self,
@@ -80,23 +81,23 @@ class PpoLearner:
         self.actor = StackedMLP(agents, [observed, *hidden, acted], self._random)
         self.critic = StackedMLP(agents, [seen, *hidden, 1], self._random)
         with torch.no_grad():
-            self.actor.weights[-1].mul_(0.01)  # the first actions are near 0, and all exploration
+            self.actor.weights[-1].mul_(0.01)  # the first mean actions are near 0: noise dominates
             self.actor.biases[-1].zero_()
         self.log_std = torch.full((agents, 1, acted), s.log_std, requires_grad=True)
         self._parameters = [*self.actor.parameters(), *self.critic.parameters(), self.log_std]
         self._optimizer = torch.optim.Adam(self._parameters, lr=s.lr, eps=1e-5)
         self._kept: list[dict[str, Array]] = []
-        self._awake = np.zeros(observed, bool)  # numbers observed that have been other than zero
+        self._awake = np.zeros(observed, bool)  # observed numbers that have been nonzero
         self._drawn: tuple[Array, Array] | None = None  # unclipped actions, their log density
 
     @property
     def settings(self) -> Mapping[str, float]:
-        """All numbers."""
+        """All settings by name."""
         return asdict(self.given)
 
     @torch.no_grad()
     def act(self, observation: Array, explore: bool = True) -> Array:
-        """Return actions clipped to [-1, 1]: drawn, or each actor's mean."""
+        """Return actions (n, N, a) clipped to [-1, 1]: with `explore` drawn, else the means."""
         o = torch.as_tensor(observation, dtype=torch.float32).transpose(0, 1)
         action = self.actor(o)
         if explore:
@@ -107,7 +108,7 @@ class PpoLearner:
         return np.asarray(_rows(action).clip(-1.0, 1.0))
 
     def learn(self, transitions: Transitions, over: NDArray[np.bool_]) -> Mapping[str, float]:
-        """Store the transitions; after `samples` steps learn from them, and discard them."""
+        """Store the transitions; after `samples` steps, learn from them and discard them."""
         if self._drawn is None:
             raise InputInvalid(self.name, "nothing was drawn", "act() before learn()")
         drawn, log_pi = self._drawn
@@ -133,7 +134,7 @@ class PpoLearner:
         return self._update(columns)
 
     def _update(self, kept: Mapping[str, Tensor]) -> dict[str, float]:
-        """Learn from columns (T, n, N, …)."""
+        """Learn from stored arrays (T, n, N, …); return the losses of the last gradient step."""
         s = self.given
         with torch.no_grad():
             v, v_after = (
@@ -188,23 +189,23 @@ class PpoLearner:
         return losses
 
     def _log_density(self, o: Tensor, a: Tensor) -> Tensor:
-        """Return log pi (N, m) of unclipped actions (N, m, a)."""
+        """Return the log density (N, m) of unclipped actions (N, m, a)."""
         z = (a - self.actor(o)) / self.log_std.exp()
         each: Tensor = -0.5 * z.square() - self.log_std - 0.5 * math.log(2.0 * math.pi)
         return each.sum(-1)
 
     def _values(self, o: Tensor) -> Tensor:
-        """Return each agent's value (m, N) of what all observe (m, N, d)."""
+        """Return each agent's value (m, N) for the observations of all agents (m, N, d)."""
         seen = o.flatten(1).expand(self.agents, -1, -1) if self.central else o.transpose(0, 1)
         values: Tensor = self.critic(seen)
         return values.squeeze(-1).T
 
     def tensors(self, agent: int) -> tuple[str, Mapping[str, Array]]:
-        """Return an actor's mean, which is clipped to [-1, 1]."""
+        """Return the kind "clip" and the tensors of an agent's mean action."""
         return "clip", self.actor.tensors(agent)
 
     def go_on_from(self, last: Self, seed: int) -> None:
-        """Copy the networks and deviations of `last`; raises InputInvalid for other shapes."""
+        """Copy networks and standard deviations of `last`; raises InputInvalid for other shapes."""
         nets = [i % last.agents for i in range(self.agents)]
         own = [[(0, 0)]] * self.agents
         pass_on(last.actor, self.actor, nets, own, last._awake)
@@ -214,7 +215,7 @@ class PpoLearner:
             self.log_std.copy_(last.log_std[nets])
 
     def state(self) -> State:
-        """Return networks, optimiser, what is kept, random numbers."""
+        """Return networks, optimiser, stored transitions and random number generator."""
         kept = {k: np.stack([row[k] for row in self._kept]) for k in (self._kept or [{}])[0]}
         return {
             "actor": self.actor.state_dict(),
@@ -235,7 +236,7 @@ class PpoLearner:
                 self.log_std.copy_(state["log_std"])
             self._optimizer.load_state_dict(state["adam"])
             self._random.set_state(state["random"])
-            awake = state.get("awake")  # missing in older files: then any number may have been
+            awake = state.get("awake")  # older files lack it: any number may have been nonzero
             self._awake = np.ones(self.observed, bool) if awake is None else np.array(awake, bool)
             kept = state["kept"]
             count = len(kept["reward"]) if kept else 0

@@ -27,7 +27,7 @@ __all__ = [
 
 @dataclass(frozen=True)
 class Algorithm:
-    """One of the algorithms; `alone`: for one agent only."""
+    """Algorithm by its name; one that is `alone` learns for one agent only."""
 
     name: str
     alone: bool
@@ -43,7 +43,10 @@ TRANSFERS = ("masac", "isac", "ippo", "mappo", "idqn")  # Transferable: for curr
 
 
 def algorithm_for(name: str | None, agents: int) -> Algorithm:
-    """Return an algorithm that suits a number of agents; without a name SAC or MASAC."""
+    """Return the named algorithm; without a name, SAC for one agent and MASAC for several.
+
+    Raises InputInvalid for an unknown name, and for an algorithm of one agent with several agents.
+    """
     if name is None:
         return ALGORITHMS["sac" if agents == 1 else "masac"]
     if name not in ALGORITHMS:
@@ -70,9 +73,10 @@ def learner_of(
     seed: int,
     symmetries: Sequence[Symmetry] = (),
 ) -> Learner:
-    """Make a learner on n environments; `settings` by name, without them its defaults.
+    """Make a learner for n environments, with `settings` by name instead of the defaults.
 
-    Off-policy learners make n / 16 updates, at least one, for each step of all environments.
+    By default, an off-policy learner makes n / 16 updates, at least one, each time that all
+    environments have made one step. Raises InputInvalid for wrong settings.
     """
     makers = _makers(algorithm.name, symmetries)
     given = check_settings(algorithm, settings)
@@ -168,7 +172,7 @@ def _makers(name: str, symmetries: Sequence[Symmetry] = ()) -> _Makers:
     )  # fmt: skip
 
 
-_LIMITS = {  # (least, greatest) of some numbers; the others are positive
+_LIMITS = {  # (least, greatest) value of some settings; the others are positive
     "gamma": (0.0, 1.0), "tau": (0.0, 1.0), "epsilon": (0.0, 1.0), "epsilon_end": (0.0, 1.0),
     "gae_lambda": (0.0, 1.0), "log_std": (-10.0, 2.0), "entropy": (0.0, 1e3),
     "value": (0.0, 1e3), "updates": (1e-3, 1e3), "centre": (0.0, 1.0), "alpha": (1e-9, 1e3),

@@ -1,4 +1,4 @@
-"""Replay buffer: the last transitions of a team, drawn uniformly; transitions over n actions."""
+"""Replay buffer: the last transitions of a team, sampled uniformly; sums of several rewards."""
 
 from __future__ import annotations
 
@@ -22,19 +22,19 @@ Array = NDArray[np.float32]
 
 @dataclass(frozen=True)
 class Transitions:
-    """n transitions of N agents; a time limit is not `terminated`."""
+    """Batch of n transitions of N agents; the end by a time limit is not a termination."""
 
     observation: Array  # (n, N, d)
     action: Array  # (n, N, a), in [-1, 1]
     reward: Array  # (n, N)
-    after: Array  # (n, N, d), the last observation of an episode where it ended
-    terminated: Array  # (n, N), 1 where the agent's episode ended by itself
+    after: Array  # (n, N, d), the next observation, or the last one of an episode that ended
+    terminated: Array  # (n, N), 1 if the task terminated the agent's episode
 
 
 def seen_by(
     given: Transitions, symmetries: Sequence[Symmetry], random: np.random.Generator
 ) -> Transitions:
-    """Return each transition unchanged or as an image of a symmetry, with equal probability."""
+    """Return each transition unchanged or as the image under a symmetry, with equal probability."""
     which = random.integers(0, 1 + len(symmetries), len(given.reward))
     o, a = (
         np.stack(
@@ -49,7 +49,7 @@ def seen_by(
 
 @final
 class Replay:
-    """A ring of at most `size` transitions."""
+    """Buffer of the last `size` transitions; new ones replace the oldest ones."""
 
     def __init__(self, size: int, agents: int, observed: int, acted: int) -> None:
         shapes = [(observed,), (acted,), (), (observed,), ()]
@@ -60,7 +60,10 @@ class Replay:
         self.size, self.count, self._next = size, 0, 0
 
     def add(self, given: Transitions) -> None:
-        """Add transitions, in place of the oldest ones."""
+        """Add transitions; a full buffer loses its oldest ones.
+
+        Raises InputInvalid for more transitions than fit into the buffer.
+        """
         n = len(given.reward)
         if n > self.size:
             raise InputInvalid(f"buffer of {self.size}", f"{n} at once", f"at least {n}")
@@ -73,7 +76,7 @@ class Replay:
     def draw(
         self, n: int, random: np.random.Generator, symmetries: Sequence[Symmetry] = ()
     ) -> Transitions:
-        """Draw n with replacement, each unchanged or as the image of one of `symmetries`."""
+        """Draw n transitions with replacement, unchanged or as images under `symmetries`."""
         at = random.integers(0, self.count, n)
         drawn = Transitions(**{name: rows[at] for name, rows in self._rows.items()})
         return seen_by(drawn, symmetries, random) if symmetries else drawn
@@ -102,13 +105,14 @@ class Replay:
 
 @final
 class NStep:
-    """Makes of the last `count` steps one transition for each environment, or fewer at an end.
+    """Transitions over several actions: the sum of the rewards of `count` steps.
 
-    Of rewards r_0 … r_(K-1), K <= count the steps until the episode was over:
+    With the rewards r_0 … r_(K-1), where K is `count`, or less if the episode ends before, the
+    transition of each environment is
 
         reward = sum_k gamma^k r_k,    gamma (1 - terminated) = gamma^K (1 - terminated_(K-1))
 
-    so that a learner of one step learns from K steps with the same equation.
+    so that a learner learns from K steps with the equation for one step.
     """
 
     def __init__(self, count: int, gamma: float) -> None:
@@ -116,7 +120,10 @@ class NStep:
         self._kept: list[tuple[Transitions, NDArray[np.bool_]]] = []
 
     def __call__(self, transitions: Transitions, over: NDArray[np.bool_]) -> Transitions | None:
-        """Add a step of n environments; returns the transition of `count` - 1 steps ago, if any."""
+        """Add a step of n environments; return the transition that began `count` - 1 steps ago.
+
+        Returns None until there are `count` steps.
+        """
         self._kept.append((transitions, np.array(over, bool)))
         if len(self._kept) < self.count:
             return None
@@ -135,7 +142,7 @@ class NStep:
         return Transitions(first.observation, first.action, reward, after, 1.0 - alive)
 
     def state(self) -> list[dict[str, object]]:
-        """Return the steps that wait for their rewards."""
+        """Return the steps whose transitions are not complete yet."""
         names = [f.name for f in fields(Transitions)]
         return [{**{k: getattr(t, k) for k in names}, "over": over} for t, over in self._kept]
 

@@ -1,4 +1,4 @@
-"""Stacked networks: small networks of one shape as layers with a leading axis of networks."""
+"""Stacked networks: several small networks of one shape, computed as one batch."""
 
 from __future__ import annotations
 
@@ -21,12 +21,13 @@ MASK = (True, False, False)  # gradient of the input only: there are no gains an
 
 @final
 class StackedMLP(nn.Module):
-    """`count` perceptrons of widths (in, hidden, …, out), ReLU between; x (count, batch, in).
+    """Stack of `count` perceptrons with layers of `widths` (in, hidden, …, out) and ReLU between.
 
-    Each layer is one baddbmm for all networks. Weights begin uniform in ±1/sqrt(in), as
-    torch.nn.Linear's, drawn from `generator`. With `normalised`, the input of each ReLU is
-    normalised to mean 0 and variance 1 over the layer (Ba et al., "Layer Normalization", 2016,
-    without learned gains and shifts).
+    An input has the shape (count, batch, in). Each layer is one `torch.baddbmm` for all networks.
+    The initial weights are uniform in ±1/sqrt(in), as those of `torch.nn.Linear`, and drawn from
+    `generator`. With `normalised`, the inputs of the ReLU functions of a layer are normalised to
+    mean 0 and variance 1 over the layer (Ba et al., "Layer Normalization", 2016, without learned
+    gains and shifts).
     """
 
     def __init__(
@@ -50,14 +51,14 @@ class StackedMLP(nn.Module):
                 kept.append(nn.Parameter(bound * (2.0 * drawn - 1.0)))
 
     def forward(self, x: Tensor) -> Tensor:
-        """Return (count, batch, out)."""
+        """Return the outputs (count, batch, out) for inputs (count, batch, in)."""
         given: Tensor = _Layers.apply(  # type: ignore[no-untyped-call]
             self.normalised, x, *self.weights, *self.biases
         )
         return given
 
     def tensors(self, network: int) -> dict[str, NDArray[np.float32]]:
-        """Return one of the networks as the layers of a `Policy`: weights (out, in), biases."""
+        """Return one network as the layers of a `Policy`: weights (out, in) and biases (out,)."""
         given: dict[str, NDArray[np.float32]] = {}
         for i, (w, b) in enumerate(zip(self.weights, self.biases, strict=True)):
             given[f"{i}.weight"] = w[network].detach().numpy().T.copy()
@@ -66,10 +67,10 @@ class StackedMLP(nn.Module):
 
 
 class _Layers(Function):
-    """All layers as one node of the graph.
+    """All layers as one node of autograd's graph.
 
-    Its gradients stay contiguous; autograd's own of baddbmm arrive transposed, which makes the
-    mask of ReLU thirty times slower, an eighth of a whole update.
+    The gradients of this node are contiguous. Autograd's gradients of baddbmm are transposed, which
+    makes the mask of ReLU thirty times slower and costs an eighth of a whole update.
     """
 
     @staticmethod

@@ -1,8 +1,9 @@
-"""Scenario transfer: the networks of one task continue in the next, actions exactly unchanged.
+"""Scenario transfer: the networks of one task continue in the next; actions are unchanged.
 
-Agent i of the next team is a copy of agent i mod N of the last. In actors and critics, the weights
-of inputs that were always zero are cleared, so that such an input has no effect until its weights
-are learned. The critics' weights for agents that were not in the last team are zero.
+Agent i of the next team starts as a copy of agent i mod N of the previous team. In actors and
+critics, the weights of inputs that were always zero are set to zero, so that such an input has no
+effect until its weights are learned. The critics' weights for agents that were not in the previous
+team are zero, too.
 """
 
 from __future__ import annotations
@@ -27,10 +28,11 @@ def transfer(
     last: Masac, agents: int, awake: NDArray[np.bool_], *, seed: int = 0,
     settings: MasacSettings | None = None,
 ) -> Masac:  # fmt: skip
-    """Return a learner for `agents` that acts as `last` does.
+    """Return the networks of `agents` agents that act exactly as those of `last`.
 
-    `settings` are the next task's, by default the same; networks must be of the same shapes.
-    `awake` (d,) marks the numbers of the last task's observations that have ever been nonzero.
+    `settings` are those of the next task, by default the same. `awake` (d,) marks the observed
+    numbers that have ever been nonzero in the previous task. Raises InputInvalid for settings that
+    change the shapes of the networks.
     """
     settings = settings or last.settings
     for name in SHAPES:
@@ -55,9 +57,9 @@ def transfer(
 
 
 def in_the_place_of(i: int, agents: int, was: int, before: int) -> list[tuple[int, int]]:
-    """Return pairs (agent, agent of the last team) for a central critic of agent i.
+    """Return pairs (agent, agent of the previous team) for the central critic of agent i.
 
-    `agents` are in the team, `before` were in the last; i begins as a copy of `was`.
+    The team has `agents` agents, the previous one had `before`; agent i is a copy of agent `was`.
     """
     others_new = [j for j in range(agents) if j != i]
     others_was = [j for j in range(before) if j != was]
@@ -74,12 +76,12 @@ def pass_on(
     *,
     acted: int = 0,
 ) -> None:
-    """Copy networks `nets` of a stack, one for each network of `to`.
+    """Copy networks of the stack `of` into the stack `to`; `nets` has one number for each of `to`.
 
-    Inputs are blocks of d numbers each, as `awake` (d,), then blocks of `acted` numbers each, those
-    of all agents. `blocks` has for each network pairs (block of the new network, block of the old
-    one). All other inputs get the weight zero, and so do numbers that were always zero. Raises
-    InputInvalid for networks of other shapes.
+    The inputs of a network are one block of d observed numbers for each agent, then one block of
+    `acted` numbers for each agent. `blocks` has for each network pairs (block of the new network,
+    block of the old one). All other inputs get the weight zero, and so do observed numbers that
+    were always zero, according to `awake` (d,). Raises InputInvalid for networks of other shapes.
     """
     now, before = ([int(w.shape[2]) for w in stack.weights] for stack in (to, of))
     if now != before:

@@ -1,4 +1,4 @@
-"""Dataset: episodes of observations, actions and rewards, and the task that they are from."""
+"""Dataset: episodes of observations, actions and rewards, and their task."""
 
 from __future__ import annotations
 
@@ -45,10 +45,11 @@ class Stacked:
 
 @dataclass(frozen=True)
 class Dataset:
-    """Episodes of a task; of a team, each agent's are episodes of their own.
+    """Episodes of a task; in a team, the data of each agent form a separate episode.
 
-    `task` and `options` make the task; `task` is "" if it is unknown. `told` describes the origin
-    of the episodes. Raises InputInvalid for episodes of other widths than named, and for NaN.
+    `task` and `options` make the task; `task` is "" if it is unknown. `observation` and `action`
+    name each number and its limits. `told` describes the origin of the episodes. Raises
+    InputInvalid for episodes of other widths, for NaN, and for actions outside of [-1, 1].
     """
 
     episodes: Sequence[Episode]
@@ -92,7 +93,7 @@ class Dataset:
 
     @property
     def steps(self) -> int:
-        """Count the actions of all episodes."""
+        """The number of actions in all episodes."""
         return sum(len(e.action) for e in self.episodes)
 
     def stacked(self) -> Stacked:

@@ -29,7 +29,7 @@ VERSIONED = re.compile(r"[-\w]+-v\d+")
 
 
 def refuse_taken(path: Path, overwrite: bool = False) -> None:
-    """Raise InputInvalid where a dataset cannot be written, or would replace another."""
+    """Raise InputInvalid if a dataset cannot be written there, or would replace another one."""
     path = path.expanduser()
     if path.suffix.lower() == ".npz":
         if path.is_dir():
@@ -49,7 +49,7 @@ def refuse_taken(path: Path, overwrite: bool = False) -> None:
 def write_dataset(given: Dataset, path: str | Path, *, overwrite: bool = False) -> Path:
     """Write a `.npz`, or a new folder of Minari's, as NAME-v0; raises InputInvalid.
 
-    Nothing that is there already is replaced without `overwrite`, and no folder is.
+    An existing file is replaced only with `overwrite`, an existing folder never.
     """
     path = Path(path).expanduser()
     refuse_taken(path, overwrite)
@@ -74,7 +74,7 @@ def write_dataset(given: Dataset, path: str | Path, *, overwrite: bool = False) 
 
 
 def read_dataset(path: str | Path) -> Dataset:
-    """Read what `write_dataset` wrote, or another's of Minari; raises InputInvalid."""
+    """Read a file of `write_dataset`, or any folder of Minari; raises InputInvalid."""
     path = Path(path).expanduser()
     if path.is_dir():
         return read_minari(path)

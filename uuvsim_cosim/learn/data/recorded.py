@@ -32,9 +32,9 @@ Array = NDArray[np.float64]
 
 
 def refuse_times(run: Path, time: Array) -> None:
-    """Raise InputInvalid for times that are no numbers, or fall.
+    """Raise InputInvalid for times that are not finite or that decrease.
 
-    Two that are equal may be there: a restart records a communication point twice.
+    Two equal times are accepted, since a restart records a communication point twice.
     """
     bad = np.flatnonzero(~np.isfinite(time))
     if len(bad):
@@ -49,9 +49,9 @@ def refuse_times(run: Path, time: Array) -> None:
 
 @final
 class Reading:
-    """Recorded of a task by the names that they have in recordings, where `renamed` gives others.
+    """Recorded signals of a task; `renamed` maps its names to other names in a recording.
 
-    `names` are those that the task needs. Raises InputInvalid for others in `renamed`.
+    `names` are the signals that the task needs. Raises InputInvalid for other names in `renamed`.
     """
 
     def __init__(self, task: str, names: Mapping[str, int], renamed: Mapping[str, str]) -> None:
@@ -65,11 +65,11 @@ class Reading:
                 )
 
     def finds(self, read: Recorded, name: str) -> bool:
-        """Return whether a signal is to be read by its name, or by what was given for it."""
+        """Return whether a signal has a name in `renamed`, or is recorded under its own name."""
         return name in self._renamed or name in read
 
     def of(self, run: Path, read: Recorded, sizes: Mapping[str, int]) -> list[Array]:
-        """Return signals of such sizes, each of shape (instants, size).
+        """Return signals of the given sizes, each of shape (instants, size).
 
         Raises InputInvalid that names every element that was not recorded.
         """
@@ -84,11 +84,11 @@ class Reading:
             bare |= bool(absent) and any(f"{place}[{i + 1}]" in read for i in range(size))
             missing += [a if place == name else f"{a} (given for {name})" for a in absent]
         if missing:
-            why = ", or without the Arrow metadata that says what a column holds" if bare else ""
+            why = ", or without the Arrow metadata that describes its columns" if bare else ""
             raise InputInvalid(
                 run,
                 f"{', '.join(missing)} not recorded{why}",
-                f"what {self.task} reads (a signal of another name is given by "
+                f"the signals of {self.task} (a signal of another name is given by "
                 "--signal NAME=RECORDED)",
             )
         values = []
@@ -128,12 +128,12 @@ def from_recordings(
 
 
 class _Start(Mapping[str, Array]):
-    """Start values, which a recording does not hold."""
+    """Start values, which a recording does not contain."""
 
     def __getitem__(self, name: str) -> Array:
         raise InputInvalid(
             name,
-            "the task reads what its episodes drew, which no recording holds",
+            "the task reads random values of its episodes, which no recording contains",
             "a task without it",
         )
 
@@ -245,7 +245,7 @@ class _Reader:
         return made
 
     def _action(self, run: Path, read: Recorded, agent: str) -> Array:
-        """Return actions in [-1, 1], and what was beyond, of shape (instants, width)."""
+        """Return the recorded actions (instants, width), scaled to [-1, 1] but not clipped."""
         box = self.boxes[agent]
         low, high = (box.scaled(np.full((1, box.width), s))[:, 0] for s in (-1.0, 1.0))
         columns: list[Array] = []
@@ -270,7 +270,7 @@ class _Reader:
 def _clipped(
     given: NDArray[np.generic], kept: NDArray[np.float32], low: ArrayLike, high: ArrayLike
 ) -> int:
-    """Return how many numbers clipping changed; 0 if `unclipped` has another shape."""
+    """Return how many numbers were clipped; 0 if `given` has another shape than `kept`."""
     if given.shape != kept.shape:
         return 0
     with np.errstate(over="ignore"):

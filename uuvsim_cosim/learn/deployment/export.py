@@ -120,7 +120,7 @@ def sequential(policy: Policy) -> dict[str, Array]:
 
 
 def tracking_settings(policy: Policy) -> Mapping[str, object] | None:
-    """Return what target tracking's observation is made with; None for another task."""
+    """Return the settings of a target tracking task's observation; None for another task."""
     from uuvsim_cosim.learn.shared.task_ids import make_task
 
     try:
@@ -206,7 +206,7 @@ def _write_runner(policy: Policy, out: Path, source: Path) -> list[Path]:
             if path.exists() and path.resolve() != source.resolve():
                 raise InputInvalid(
                     path,
-                    "is there, and no runner's",
+                    "exists and is no runner",
                     f"another name for {out.name} and {out.stem}.npz, its weights",
                 )
     made = [_written(out, inspect.getsource(runner).encode())]

@@ -66,7 +66,7 @@ def onnx_model(policy: Policy, place: Path) -> bytes:
 
 
 class _Graph:
-    """Nodes and constants as they are written; a call appends a node and names what it gives."""
+    """Nodes and constants of a model; a call appends a node and returns the name of its output."""
 
     def __init__(self, make: Any) -> None:
         self.make, self.nodes = make, list[object]()
@@ -80,13 +80,13 @@ class _Graph:
         return name
 
     def constant(self, value: object, name: str = "") -> str:
-        """Keep an array, and give its name."""
+        """Add a constant; return its name."""
         name = name or f"c{len(self.constants)}"
         self.constants[name] = np.array(value, order="C")
         return name
 
     def tensor(self, policy: Policy, name: str) -> str:
-        """Keep a tensor of the policy by its name, and give it."""
+        """Add a tensor of the policy under its name; return the name."""
         return self.constant(np.asarray(policy.tensors[name], np.float32), name)
 
 
@@ -113,7 +113,7 @@ def _perceptron(graph: _Graph, policy: Policy) -> None:
 
 
 def _sequence(graph: _Graph, policy: Policy) -> None:
-    """Write the equations of runner_sequence.py, with places that are not there unseen."""
+    """Write the equations of runner_sequence.py; steps before the episode are masked."""
     s, acted = policy.settings, len(policy.action)
     K, heads = int(s["context"]), int(s["heads"])
     hidden, times = (len(policy.tensors[f"{k}.weight"]) for k in ("norm", "embed_time"))

@@ -17,8 +17,8 @@ __all__ = ["source"]
 def source(text: str, base: Path) -> ModelSource:
     """Resolve ``policy:FILE.npz`` or ``policy:FILE.npz?option=value``; the scheme's entry point.
 
-    One that ships may be given by its name, ``policy:source_sac``. A file named from where one
-    stands comes before one beside the system.
+    A shipped policy may be named, ``policy:source_sac``. A path is resolved in the current folder
+    first, then in the folder of the system.
     """
     name, _, query = text.removeprefix("policy:").partition("?")
     given = Path(name).expanduser()
@@ -35,7 +35,7 @@ def source(text: str, base: Path) -> ModelSource:
 
 
 def _model(file: Path, query: str) -> ModelSource:
-    """Declare it as `uuvsim export-policy` does: its actions are in units, unless it is plain."""
+    """Declare the policy as `uuvsim export-policy` does, with actions in units unless `plain`."""
     from uuvsim_cosim.learn.deployment.export import in_units
     from uuvsim_cosim.learn.policies.policy import Policy
 

@@ -20,12 +20,12 @@ __all__ = ["BcSettings", "BehaviourCloning"]
 class BcSettings(OfflineSettings):
     """Settings of behaviour cloning."""
 
-    hidden: int = 256
+    hidden: int = 256  # width of each hidden layer
 
 
 @final
 class BehaviourCloning:
-    """Learns from a dataset; `update` is one step of Adam."""
+    """Behaviour cloning on a dataset; `update` is one step of Adam."""
 
     name = "bc"
 
@@ -36,12 +36,12 @@ class BehaviourCloning:
         self._adam = torch.optim.Adam(self.actor.parameters(), lr=settings.lr)
 
     def update(self) -> dict[str, float]:
-        """Learn from transitions drawn from the dataset; returns the loss."""
+        """Make one update with sampled transitions; return the loss."""
         o, a, *_ = self._rows.draw(self.settings.batch)
         loss = ((torch.tanh(self.actor(o[None])[0]) - a) ** 2).mean()
         return {"loss": descend("bc", "loss", self._adam, loss)}
 
     def policy(self) -> Policy:
-        """Return the policy that has been learned."""
+        """Return the policy learned so far."""
         own = {"shift": self._rows.shift, "scale": self._rows.scale}
         return policy_of(self.data, "tanh", {**self.actor.tensors(0), **own}, {})

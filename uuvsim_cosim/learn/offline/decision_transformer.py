@@ -1,4 +1,4 @@
-"""A decision transformer: what to do next, read off episodes as sentences, no value learned.
+"""Decision transformer: the next action is predicted from the sequence; no value is learned.
 
 The UUVSim paper's equations (13) to (15), after Chen et al., "Decision Transformer" (2021): with
 the return to go R_t = sum of r_k over k >= t, an episode is the sequence
@@ -7,7 +7,7 @@ the return to go R_t = sum of r_k over k >= t, an episode is the sequence
     (14)  a_t = pi(R_t-K+1, s_t-K+1, a_t-K+1, …, R_t, s_t)
     (15)  L = mean of |a_t - a_t of the data|²
 
-The tensors' names are those of models/intrinsics/transformer.py, which is what a vehicle runs.
+The tensors have the names of models/intrinsics/transformer.py, which a vehicle runs.
 """
 
 from __future__ import annotations
@@ -34,15 +34,15 @@ __all__ = ["DecisionTransformer", "DtSettings", "Transformer"]
 
 @dataclass(frozen=True)
 class DtSettings(OfflineSettings):
-    """Its form, and what it asks for."""
+    """Settings of the decision transformer: its form, and the return at which it aims."""
 
     hidden: int = 64  # width of a token
-    blocks: int = 2
-    heads: int = 2
-    context: int = 10  # K
-    batch: int = 64
-    steps: int = 2500
-    wanted: float = 0.9  # quantile of the returns of the data that it asks for
+    blocks: int = 2  # number of transformer blocks
+    heads: int = 2  # attention heads of each block
+    context: int = 10  # K, the length of the sequence
+    batch: int = 64  # sequences in one update
+    steps: int = 2500  # updates
+    wanted: float = 0.9  # the policy aims at this quantile of the returns in the data
 
 
 class _Attention(nn.Module):
@@ -73,7 +73,10 @@ class _Block(nn.Module):
 
 
 class Transformer(nn.Module):
-    """Network of actions (n, K, a), before their tanh, from K places of R, o, a, oldest first."""
+    """Network from K returns to go, observations and actions, oldest first, to actions.
+
+    The actions (n, K, a) are those before the tanh.
+    """
 
     def __init__(self, observed: int, acted: int, times: int, s: DtSettings) -> None:
         super().__init__()
@@ -90,7 +93,11 @@ class Transformer(nn.Module):
         self.head = nn.Linear(s.hidden, acted)
 
     def forward(self, to_go: Tensor, o: Tensor, a: Tensor, step: Tensor, there: Tensor) -> Tensor:
-        """Take (n, K, 1), (n, K, d), (n, K, a), steps (n, K), and which places there are (n, K)."""
+        """Return actions (n, K, a) before the tanh.
+
+        The arguments are returns to go (n, K, 1), observations (n, K, d), actions (n, K, a), the
+        numbers of the steps (n, K), and the mask of the steps that exist (n, K).
+        """
         K = step.shape[1]
         time = self.embed_time(step)
         tokens = [self.embed_return(to_go), self.embed_observation(o), self.embed_action(a)]
@@ -108,7 +115,7 @@ class Transformer(nn.Module):
 
 @final
 class DecisionTransformer:
-    """Learns from a dataset; `update` is one step of Adam."""
+    """Decision transformer on a dataset; `update` is one step of Adam."""
 
     name = "dt"
 
@@ -133,7 +140,7 @@ class DecisionTransformer:
         self._adam = torch.optim.AdamW(self.net.parameters(), lr=settings.lr, weight_decay=1e-4)
 
     def update(self) -> dict[str, float]:
-        """Learn from sequences drawn from all; gives the loss (15)."""
+        """Make one update with sampled sequences; return the loss (15)."""
         K = self.settings.context
         episode, last = self._ends[
             self._random.integers(len(self._ends), size=self.settings.batch)
@@ -147,7 +154,7 @@ class DecisionTransformer:
         return {"loss": descend("dt", "loss", self._adam, loss)}
 
     def policy(self) -> Policy:
-        """Return what has been learned, of kind "sequence"."""
+        """Return the policy learned so far, of kind "sequence"."""
         s, returns = self.settings, self.data.returns
         wanted = float(np.quantile(returns, s.wanted))
         most = max(len(e.action) for e in self.data.episodes)

@@ -1,10 +1,10 @@
-"""Implicit Q-learning: values of the actions in a dataset, and a policy of the better ones.
+"""Implicit Q-learning: values of the actions in a dataset, and cloning of the better ones.
 
 Kostrikov et al., 2021. With the expectile loss L_tau(u) = |tau - (u < 0)| u²:
 
     V:   L_tau(min_k Q_k^-(s, a) - V(s))
     Q_k: (r + gamma (1 - terminated) V(s') - Q_k(s, a))²
-    pi:  exp(beta (min_k Q_k^-(s, a) - V(s))) |pi(s) - a|²,  the exponential held below 100
+    pi:  exp(beta (min_k Q_k^-(s, a) - V(s))) |pi(s) - a|²,  the exponential limited to 100
 
 Advantages are divided by their mean size in the batch, so that beta does not depend on the unit of
 the rewards.
@@ -30,16 +30,16 @@ __all__ = ["Iql", "IqlSettings"]
 class IqlSettings(OfflineSettings):
     """Settings of implicit Q-learning."""
 
-    hidden: int = 256
-    gamma: float = 0.99
-    tau: float = 0.01  # soft update
-    expectile: float = 0.7
-    beta: float = 3.0
+    hidden: int = 256  # width of each hidden layer
+    gamma: float = 0.99  # discount factor
+    tau: float = 0.01  # soft update of the target networks
+    expectile: float = 0.7  # of the loss of V
+    beta: float = 3.0  # inverse temperature of the weights of cloning
 
 
 @final
 class Iql:
-    """Learns from a dataset; `update` is one step of Adam of each network."""
+    """Implicit Q-learning on a dataset; `update` is one step of Adam for each network."""
 
     name = "iql"
 
@@ -59,7 +59,7 @@ class Iql:
         }
 
     def update(self) -> dict[str, float]:
-        """Learn from transitions drawn from the dataset; returns the losses."""
+        """Make one update with sampled transitions; return the losses."""
         s = self.settings
         o, a, r, after, ended = self._rows.draw(s.batch)
         both = torch.cat([o, a], 1).expand(2, -1, -1)
@@ -86,6 +86,6 @@ class Iql:
         return losses
 
     def policy(self) -> Policy:
-        """Return the policy that has been learned."""
+        """Return the policy learned so far."""
         own = {"shift": self._rows.shift, "scale": self._rows.scale}
         return policy_of(self.data, "tanh", {**self.actor.tensors(0), **own}, {})

@@ -1,4 +1,4 @@
-"""Learning from a dataset alone, without the task: `train_offline("data.npz", "dt")`."""
+"""Learning from a dataset, without simulation: `train_offline("data.npz", "dt")`."""
 
 from __future__ import annotations
 
@@ -23,6 +23,7 @@ from uuvsim_cosim.learn.shared.task_ids import make_task, short_name
 from uuvsim_cosim.learn.training.rollout import Rollout
 from uuvsim_cosim.learn.training.train import one_thread
 from uuvsim_cosim.models.declaration.near_names import expected_names
+from uuvsim_cosim.notebook_bar import shown
 
 if TYPE_CHECKING:
     from uuvsim_cosim.learn.offline.behaviour_cloning import BcSettings
@@ -41,15 +42,18 @@ EVERY = 100  # updates, between rows of losses.csv
 
 
 class OfflineLearner(Protocol):
-    """A learner from a dataset; equal seeds give equal bits on one thread."""
+    """Learner from a dataset; equal seeds give equal bits on one thread."""
 
     name: str
 
     def update(self) -> dict[str, float]:
-        """Make one gradient step; returns losses. Raises LearningDiverged for a NaN."""
+        """Make one gradient step; return the losses.
+
+        Raises LearningDiverged if a loss or a gradient is not finite.
+        """
 
     def policy(self) -> Policy:
-        """Return the policy that has been learned."""
+        """Return the policy learned so far."""
 
 
 @dataclass(frozen=True)
@@ -60,7 +64,7 @@ class LearnedOffline:
     policy: Policy
     data: Dataset
     updates: int
-    losses: Mapping[str, float]  # means of the last rows
+    losses: Mapping[str, float]  # means over the last updates
     cpu: float  # s
     interrupted: bool
 
@@ -76,10 +80,30 @@ def train_offline(
     folder: str | Path | None = None,
     progress: Callable[[int, int, Mapping[str, float]], None] | None = None,
 ) -> LearnedOffline:
-    """Learn, and write policy.npz, losses.csv and offline.json into a new folder.
+    """Learn a policy from a dataset, without simulation; write it into a new folder.
 
-    `task` is needed if the dataset has none; its spaces must be those of the dataset. After Ctrl-C
-    or LearningDiverged, the policy learned so far is written. Raises InputInvalid.
+    `data` is a dataset, its file (.npz) or a folder of Minari. `algorithm` is "bc" (behaviour
+    cloning), "iql" (implicit Q-learning) or "dt" (decision transformer), and `settings` are its
+    settings: `lr`, `batch`, `steps` (updates), `hidden`, …; docs/learning/offline.md lists them.
+    Equal `seed`s give equal bits on one thread. `task` is needed if the dataset has none, and
+    `options` are those of the task; its spaces must be those of the dataset. `folder` is by default
+    runs/train/TASK-ALGORITHM-SEED; policy.npz, losses.csv and offline.json are written there.
+    `progress(updates, of, losses)` is called every 100 updates; without it, a notebook shows a bar.
+
+    The result has `policy`, `losses` (means over the last updates), `updates`, and `interrupted`:
+    after Ctrl-C, the policy learned so far is written and returned. Needs the extra `rl`. Raises
+    InputInvalid for invalid arguments and for a folder that is not empty, and LearningDiverged if a
+    loss is not finite; the policy learned so far is written before.
+
+    Example:
+
+    >>> from uuvsim_cosim.learn import collect, train_offline
+    >>> data = collect("source", "scripted", episodes=4)
+    >>> learned = train_offline(data, "bc", folder="bc", settings={"steps": 20, "hidden": 16})
+    >>> learned.updates, learned.policy.kind
+    (20, 'tanh')
+    >>> sorted(file.name for file in learned.folder.iterdir())
+    ['losses.csv', 'offline.json', 'policy.npz']
     """
     given = data if isinstance(data, Dataset) else read_dataset(data)
     given = of_task(given, task, options)
@@ -87,11 +111,11 @@ def train_offline(
     name = f"{short_name(given.task)}-{algorithm}-{seed}"
     place = Path("runs") / "train" / name if folder is None else Path(folder).expanduser()
     if place.exists() and (not place.is_dir() or any(place.iterdir())):
-        raise InputInvalid(place, "holds other things", "an empty or a new folder")
+        raise InputInvalid(place, "contains other files", "an empty or a new folder")
     began, rows, recent, done = time.process_time(), [], [], 0
     interrupted = False
     try:
-        with one_thread():
+        with one_thread(), shown(None if progress is None else False) as bar:
             while done < chosen.steps:
                 recent.append(learner.update())
                 done += 1
@@ -101,12 +125,14 @@ def train_offline(
                     recent = []
                     if progress is not None:
                         progress(done, chosen.steps, row)
+                    elif bar is not None:
+                        bar("training", done, chosen.steps)
     except KeyboardInterrupt:
         interrupted = True
     except LearningDiverged as diverged:
         kept = _write(place, _described(learner, given, chosen, seed, done), rows)
         raise diverged.saying(
-            algorithm, f"what was before, of {done} updates, is in {kept}"
+            algorithm, f"the previous training, of {done} updates, is in {kept}"
         ) from None
     policy = _described(learner, given, chosen, seed, done)
     _write(place, policy, rows)
@@ -161,10 +187,10 @@ def offline_learner(
 def of_task(
     data: Dataset, task: str | None, options: Mapping[str, object] | None = None
 ) -> Dataset:
-    """Return a dataset with a task; raises InputInvalid if the spaces are not those of the task."""
+    """Return the dataset with a task; raises InputInvalid if their spaces differ."""
     name = task or data.task
     if not name:
-        raise InputInvalid("dataset", "tells no task", "one, by --task")
+        raise InputInvalid("dataset", "names no task", "one, by --task")
     every = {**(data.options if name == data.task else {}), **(options or {})}
     rollout = Rollout(make_task(name, every), 1, 0)
     try:
@@ -197,7 +223,7 @@ def _space(named: Sequence[Named]) -> str:
 
 
 def _described(learner: OfflineLearner, data: Dataset, chosen: Any, seed: int, done: int) -> Policy:
-    """Return the policy, with the algorithm, settings and data that it was learned from."""
+    """Return the policy with a record of its algorithm, settings and data."""
     return learner.policy().with_training(
         algorithm=learner.name, seed=seed, updates=done, settings=asdict(chosen),
         dataset={"episodes": len(data.episodes), "return": float(data.returns.mean()),

@@ -22,13 +22,13 @@ Array = NDArray[np.float32]
 class OfflineSettings:
     """Settings of all algorithms that learn from a dataset."""
 
-    lr: float = 1e-3
-    batch: int = 256
+    lr: float = 1e-3  # learning rate
+    batch: int = 256  # transitions, or sequences of K steps, in one update
     steps: int = 3000  # updates
 
 
 class Rows:
-    """A dataset's transitions as tensors, normalised, drawn from uniformly."""
+    """Transitions of a dataset as normalised tensors, which are sampled uniformly."""
 
     def __init__(self, data: Dataset, seed: int) -> None:
         every = data.stacked()
@@ -47,13 +47,13 @@ class Rows:
         self._random = torch.Generator().manual_seed(seed)
 
     def draw(self, n: int) -> list[Tensor]:
-        """Draw n observations, actions, rewards, observations after, and whether all ended."""
+        """Draw n transitions: observations, actions, rewards, next observations, terminated."""
         at = torch.randint(len(self._columns[0]), (n,), generator=self._random)
         return [c[at] for c in self._columns]
 
 
 def normalisation(rows: Array) -> tuple[Array, Array]:
-    """Return shift and scale to mean 0, deviation 1; a constant number has scale 1."""
+    """Return shift and scale to mean 0 and deviation 1; the scale of a constant number is 1."""
     spread = rows.std(axis=0, dtype=np.float64)
     scale = np.where(spread > 1e-3, 1.0 / np.maximum(spread, 1e-3), 1.0)
     return rows.mean(axis=0, dtype=np.float64).astype(np.float32), scale.astype(np.float32)
@@ -62,6 +62,6 @@ def normalisation(rows: Array) -> tuple[Array, Array]:
 def policy_of(
     data: Dataset, kind: Kind, tensors: Mapping[str, Array], settings: Mapping[str, object]
 ) -> Policy:
-    """Return a policy of each agent of the dataset's task."""
+    """Return a policy for every agent of the dataset's task."""
     return Policy(kind, tensors, data.observation, data.action, data.task, options=data.options,
                   settings=settings)  # fmt: skip

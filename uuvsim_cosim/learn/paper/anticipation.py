@@ -1,10 +1,10 @@
-"""Anticipation of delays: a policy of target tracking gets the observation of a later time.
+"""Anticipation of delays: a policy of target tracking observes a predicted state.
 
 Positions are `seen_late` old, and an action takes `acted_late` to arrive. The vehicle knows the
-actions that were sent and the speeds that it measures. So its own position is predicted by the
-pilot's equations (models/guidance/pilot.py: u follows the wanted u, r follows omega at the rate
-k_r), and the target's by a Kalman filter of constant velocity. The policy inside gets an
-observation as in its training, of the time t + acted_late.
+actions that were sent and the speeds that it measures. Its own position is therefore predicted by
+the pilot's equations (models/guidance/pilot.py: u follows the wanted u, r follows omega at the rate
+k_r), and the target's position by a Kalman filter of constant velocity. The policy receives the
+observation of the time t + acted_late, in the form of its training.
 """
 
 from __future__ import annotations
@@ -31,9 +31,26 @@ TRUST = 0.6  # weight of a measured own position; the rest is dead reckoning
 
 @final
 class Anticipating:
-    """A policy on predicted observations; call `begin` before new episodes.
+    """Compensation of delays in front of a policy of target tracking: it observes predictions.
 
-    For one tracker without obstacles. `arena` is its size [m], N and E.
+    It is for one tracker without obstacles. `act` maps observations (n, width) to actions (n, 2).
+    `seen_late` is the age of the observed positions of the vehicle and the target, and `acted_late`
+    the delay of a command, each from 0 to 2 s. `action_step` is the duration of an action [s],
+    `arena` the size of the arena in N and E [m], and `slots` the numbers of other trackers and of
+    obstacles in an observation, as in the task. A call maps observations (n, width) to actions, and
+    expects one call for each action. Raises InputInvalid for other delays and other widths.
+
+    Example:
+
+    >>> from uuvsim_cosim.envs.tasks import evaluate
+    >>> from uuvsim_cosim.learn import Anticipating, acting_in, load_policies, make_task
+    >>> task = make_task("disturbed", {"seen_late": 0.4, "acted_late": 0.4})  # s
+    >>> act = acting_in(task, load_policies("transition_1_masac"), "disturbed")
+    >>> ahead = {agent: Anticipating(one, 0.4, 0.4) for agent, one in act.items()}
+    >>> late, anticipated = (evaluate(task, p, 20).returns.mean() for p in (act, ahead))
+    >>> anticipated > late
+    np.True_
+    >>> ahead["tracker_1"].begin()  # `evaluate` does this before its episodes
     """
 
     def __init__(
@@ -59,7 +76,7 @@ class Anticipating:
         self.begin()
 
     def begin(self) -> None:
-        """Clear the memory: the next observations are the first of an episode."""
+        """Clear the memory: the next observations are the first ones of new episodes."""
         self._sent: list[Array] = []  # actions, oldest first
         self._speeds: list[Array] = []  # u, v, r as they were observed, oldest first
         self._own: Array | None = None
@@ -69,7 +86,7 @@ class Anticipating:
             begin()
 
     def __call__(self, observation: NDArray[np.generic]) -> Array:
-        """Act on observations (n, width), one action after those before."""
+        """Return the actions (n, 2) for observations (n, width), the next ones of the episodes."""
         o = np.array(observation, float)
         if o.ndim != 2 or o.shape[1] != len(self.limits):
             raise InputInvalid(

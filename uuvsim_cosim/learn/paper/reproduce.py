@@ -44,7 +44,7 @@ def keys_of(chain: Chain, budget: Budget, seed: int) -> list[Key]:
 
 
 def lacking(results: Path, figure: str, budget: Budget, seeds: int) -> list[tuple[Chain, int]]:
-    """Return the chains and seeds of which results are not all there, way by way."""
+    """Return the chains and seeds with missing results, way by way."""
     return [
         (chain, seed)
         for chain in chains_of(figure)
@@ -175,7 +175,7 @@ def begun(work: Path, budget: Budget, chain: Chain, seed: int) -> Path:
     except OSError as error:
         raise InputInvalid(
             place,
-            f"what {source.name} begins with, too, cannot be copied there ({error})",
+            f"the start that it shares with {source.name} cannot be copied there ({error})",
             "it to be readable, and room for it",
         ) from None
     finally:
@@ -186,7 +186,7 @@ def begun(work: Path, budget: Budget, chain: Chain, seed: int) -> Path:
 def _alike(
     plan: Curriculum, about: Mapping[str, Any], other: Path
 ) -> tuple[int, list[dict[str, object]]]:
-    """Return how many first stages of another chain can be used, and the records of those finished.
+    """Return how many first stages of another chain can be used, and the records of finished ones.
 
     The last stage may be one that this chain trains for more steps, with the same evaluations.
     """

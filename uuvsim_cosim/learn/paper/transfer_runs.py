@@ -51,7 +51,7 @@ SEEDS_APART = 1000
 
 @dataclass(frozen=True)
 class Way:
-    """One way to make a policy."""
+    """Way to make a policy."""
 
     name: str
     words: str
@@ -76,7 +76,7 @@ WAYS = {
 
 @dataclass(frozen=True)
 class Condition:
-    """One condition of the test; `options` are the task's."""
+    """Condition of the test; `options` are those of the task."""
 
     words: str
     options: Mapping[str, float]
@@ -84,7 +84,7 @@ class Condition:
 
     @property
     def late(self) -> tuple[float, float]:
-        """The delays of positions and of commands [s], which anticipation is given."""
+        """The delays of positions and of commands [s], which anticipation compensates."""
         seen, acted = (float(self.options.get(k, 0.0)) for k in ("seen_late", "acted_late"))
         return seen, acted
 
@@ -107,7 +107,7 @@ CONDITIONS = {
 
 @dataclass(frozen=True)
 class Judged:
-    """One way and seed: by condition, "as it is" and "anticipated", what the episodes gave."""
+    """Results of one way and seed by condition, "as it is" and "anticipated"."""
 
     way: str
     seed: int
@@ -177,7 +177,7 @@ def run_transfer(
 
 
 def read_transfers(results: Path) -> list[Judged]:
-    """Read all that was kept, by way and seed; raises InputInvalid for a file that is none."""
+    """Read all results by way and seed; raises InputInvalid for a file without results."""
     found = []
     for path in sorted(results.glob("*.json")):
         try:
@@ -217,7 +217,7 @@ def _learned(
     way: Way, seed: int, place: Path, observers: tuple[TrainingObserver, ...],
     interrupted: Callable[[], bool] | None,
 ) -> tuple[list[Policy], float]:  # fmt: skip
-    """Return the policies of a way and its CPU time [s], from `place` if it is finished there."""
+    """Return the policies of a way and its CPU time [s], read from `place` if it is finished."""
     if not way.algorithm:
         return [], 0.0
     finished = place / "cpu.json"  # written last
@@ -265,7 +265,7 @@ def _learned_from_data(
 def _judged(
     policies: list[Policy], condition: Condition, how: str, episodes: int
 ) -> dict[str, object] | None:
-    """Judge under a condition; None, where there is nothing to anticipate."""
+    """Judge under a condition; return None for "anticipated" without delays."""
     options = dict(condition.options)
     anticipated = how == "anticipated"
     if condition.task == "pool_tracking":

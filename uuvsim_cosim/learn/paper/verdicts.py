@@ -71,10 +71,10 @@ def verdict(
     figure: str, claim: str, wanted: str, judge: Callable[..., tuple[str, str]],
     *runs: Sized | None, counted: int | None = None,
 ) -> Verdict:  # fmt: skip
-    """Judge a claim about several groups of runs, one run a seed, if there are runs of each.
+    """Judge a claim about several groups of runs, one run for each seed, if no group is empty.
 
-    `judge` takes the groups, and returns the measured figures in words, and the decision. The seeds
-    of the first `counted` groups count, by default those of all.
+    `judge` maps the groups to a text with the measured values and the decision. The number of seeds
+    is that of the first `counted` groups, by default of all groups.
     """
     groups = [r for r in runs if r]
     if len(groups) < len(runs):
@@ -218,7 +218,7 @@ def _cost(results: Results) -> tuple[str, str]:
 
 
 def numbers_of(runs: Sequence[Result]) -> dict[str, Interval]:
-    """Return return, return over the scripted one, track, dist [m], viol and clean of seeds."""
+    """Return the means of runs by name; "share" is the return divided by the scripted one."""
     metrics = {k: _mean_of(runs, k) for k in ("track", "dist", "viol")}
     clean = _mean(np.stack([(r.metrics["clean"] == 1.0).astype(float) for r in runs]))
     return {"return": _returns(runs), "share": _share(runs), **metrics, "clean": clean}
@@ -244,7 +244,7 @@ def _share(runs: Sequence[Result]) -> Interval:
 
 
 def _steps_to(run: Result, share: float) -> float:
-    """Return the steps after which the scripted return's share is reached; inf if it never is."""
+    """Return the steps until a share of the scripted return is reached; inf if it never is."""
     wanted = share * float(run.scripted.mean())
     reached = run.curve["return"] >= wanted
     return float(run.curve["step"][int(np.argmax(reached))]) if reached.any() else float("inf")
@@ -279,7 +279,7 @@ def _share_of_steps(x: Sequence[Result], y: Sequence[Result], draws: int = 2000)
 
 
 def _over(a: float, b: float) -> float:
-    """Return a / b; of equal numbers 1, also where both are 0 or both unknown."""
+    """Return a / b; equal numbers give 1, also if both are 0 or both unknown."""
     if a == b:
         return 1.0
     return a / b if b > 0 else float("inf")
@@ -293,7 +293,7 @@ AS_IT_IS, ANTICIPATED = "as it is", "anticipated"
 
 @dataclass(frozen=True)
 class Cell:
-    """A way under a condition: figures of all its seeds; its length is their number."""
+    """A way under a condition: the results of all its seeds; its length is their number."""
 
     values: NDArray[np.float64]  # returns of (seeds, episodes)
     returns: Interval  # their mean

@@ -55,14 +55,15 @@ BUDGETS = {
         # About five CPU minutes for the longest; see docs/learning/paper.md for what was tried.
         Budget(
             "batched",
-            "64 environments side by side, about five CPU minutes for the longest scenario; the "
+            "64 parallel environments, about five CPU minutes for the longest scenario; the "
             "paper's numbers, parameters shared by the trackers, each with its own reward "
             "(`credit: own`). MASAC and ISAC: critics with layer normalisation after the first "
-            "scenario, transitions drawn in mirror images as well, the average of the last actors "
-            "leaves. IPPO, IDQN and MAPPO have the defaults of `uuvsim train` and a network for "
-            "each tracker. `careful` is the target scenario once more, where penalties begin at "
-            "0.45 m instead of 0.38 m and count double while it is learned (learning rate 1e-3); "
-            "it is judged by the paper's rules, as all are, and takes four CPU minutes more.",
+            "scenario, mirrored copies of transitions, and the average of the last actors as the "
+            "exported policy. IPPO, IDQN and MAPPO have the defaults of `uuvsim train` and a "
+            "network for each tracker. `careful` trains the target scenario again, with penalties "
+            "that begin at 0.45 m instead of 0.38 m and count double during training (learning "
+            "rate 1e-3); it is evaluated by the paper's rules, like all others, and takes four CPU "
+            "minutes more.",
             64,
             {"source": 32_000, "transition_1": 25_600, "transition_2": 83_200, "target": 256_000,
              CAREFUL: 192_000},
@@ -77,8 +78,8 @@ BUDGETS = {
         # 200 episodes, one environment, one update a step: as the paper, and its numbers.
         Budget(
             "paper",
-            "200 episodes of one environment a scenario, one update a step, the paper's numbers, "
-            "a network for each agent.",
+            "200 episodes of one environment per scenario, one update per step, the paper's "
+            "numbers, a network for each agent.",
             1, dict.fromkeys(SCENARIOS, 10_000), dict.fromkeys(SCENARIOS, 500),
         ),
     )
@@ -122,7 +123,7 @@ NEEDS: dict[Figure, tuple[Chain, ...]] = {
 
 
 def chains_of(figure: str) -> tuple[Chain, ...]:
-    """Return what a figure needs, or all of them do; raises InputInvalid with those there are."""
+    """Return the chains that a figure needs, or all figures; raises InputInvalid otherwise."""
     names = [*FIGURES, "all"]
     if figure not in names:
         raise InputInvalid(f"figure {figure!r}", "no such figure", f"one of {', '.join(names)}")
@@ -131,7 +132,7 @@ def chains_of(figure: str) -> tuple[Chain, ...]:
 
 
 def scenarios_of(chain: Chain, budget: Budget) -> tuple[str, ...]:
-    """Return those of a chain's scenarios that a budget has steps for."""
+    """Return the scenarios of a chain for which a budget has steps."""
     return tuple(s for s in chain.scenarios if s in budget.steps)
 
 
@@ -144,7 +145,7 @@ def options_of(chain: Chain, scenario: str) -> dict[str, object]:
 
 
 def first_of(seed: int) -> int:
-    """Return the seed that trainings of a seed of the benchmark have."""
+    """Return the first environment's seed of the trainings with a seed of the benchmark."""
     return SEEDS_APART * seed
 
 

@@ -27,10 +27,10 @@ def frames_of(
     seed: int,
     mode: Literal["rgb_array", "human"] = "rgb_array",
 ) -> Iterator[Pixels]:
-    """Return the pictures (height, width, 3) of episode 0 of a seed, from its start to its end.
+    """Yield the pictures (height, width, 3) of episode 0 of a seed, from its start to its end.
 
-    `policy` is as `evaluate` takes it, and the episode the same. In mode "human" a window shows
-    it, and nothing is given.
+    `policy` has the form that `evaluate` expects, and the episode is the same. In mode "human", a
+    window shows the pictures, and none are yielded.
     """
     for one in policy.values() if isinstance(policy, Mapping) else (policy,):
         begin(one)

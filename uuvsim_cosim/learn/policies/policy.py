@@ -1,6 +1,7 @@
-"""A trained policy as data: tensors, what they observe, what they act on; acts with numpy alone.
+"""Trained policy as data: tensors, observed numbers, actions; it acts with NumPy alone.
 
-A file `*.npz` holds the tensors and one JSON text, no code: it may come from anybody.
+A file `*.npz` holds the tensors and one JSON text, but no code, so a file from a source that is not
+trusted can be read.
 """
 
 from __future__ import annotations
@@ -39,15 +40,36 @@ class Named:
 
 @dataclass(frozen=True)
 class Policy:
-    """Map of observations (n, width) to actions (n, width) in [-1, 1].
+    """Trained policy: a map of observations (n, width) to actions (n, width) in [-1, 1].
 
-    Layers are `tensors` "0.weight" (out, in), "0.bias" (out,), "1.weight", …, with
-    `activation` between them. `kind` is the function of the last layer: "tanh" (the mean of a
-    squashed Gaussian), "clip" to [-1, 1], or "grid", the row of the tensor "grid" (choices, width)
-    with the greatest value. "sequence" is a decision transformer, whose `settings` give its form.
-    An observation is first shifted and scaled: (o - `shift`) * `scale`, where given as tensors.
-    `task` and `options` make the task that it was trained on; `agent` is the agent that it is for,
-    "" for all agents; `trained` describes the training.
+    A call of the policy returns actions. `observation` and `action` name each number and its
+    limits. The layers are the `tensors` "0.weight" (out, in), "0.bias" (out,), "1.weight", …, with
+    the `activation` "relu" or "tanh" between them. If there are tensors "shift" and "scale", an
+    observation o is first replaced by (o - shift) * scale. `kind` is the function of the last
+    layer:
+
+    - "tanh": the mean of a squashed Gaussian;
+    - "clip": clipping to [-1, 1];
+    - "grid": the row with the greatest value of the tensor "grid" (choices, width);
+    - "sequence": the policy is a decision transformer, whose form is in `settings`. It needs a
+      history; `acting_in` returns a function that keeps one.
+
+    `task` and `options` make the task on which the policy was trained. `agent` is the agent that it
+    is for, "" for all agents. `trained` describes the training. Raises InputInvalid for tensors
+    that do not fit each other, the observation or the action, and for tensors with NaN.
+
+    Example:
+
+    >>> import numpy as np
+    >>> from uuvsim_cosim.learn import Policy, load_policies
+    >>> (policy,) = load_policies("source_sac")
+    >>> policy.kind, policy.depth
+    ('tanh', 3)
+    >>> policy(np.zeros((4, 31))).shape  # four observations
+    (4, 2)
+    >>> file = policy.with_training(remark="renamed").save("mine.npz")
+    >>> Policy.load(file).trained["remark"]
+    'renamed'
     """
 
     kind: Kind
@@ -118,7 +140,7 @@ class Policy:
         return np.asarray(np.clip(x, -1.0, 1.0), np.float64)
 
     def with_training(self, **trained: object) -> Policy:
-        """Return the same policy with more entries of `trained`."""
+        """Return the same policy with further entries of `trained`."""
         return replace(self, trained={**self.trained, **trained})
 
     told = with_training  # its former name
@@ -126,7 +148,7 @@ class Policy:
     # ---- files ----------------------------------------------------------------------------
 
     def save(self, path: str | Path) -> Path:
-        """Write a .npz, whole or not at all; equal policies give equal bytes."""
+        """Write the file `path` (.npz), whole or not at all; equal policies give equal bytes."""
         path = Path(path)
         head = {f.name: getattr(self, f.name) for f in fields(self) if f.name != "tensors"}
         for name in ("observation", "action"):
@@ -141,7 +163,10 @@ class Policy:
 
     @classmethod
     def load(cls, path: str | Path) -> Policy:
-        """Read a .npz; raises InputInvalid for one that is truncated, foreign, or of later."""
+        """Read the file `path` (.npz).
+
+        Raises InputInvalid for a file that is truncated, is not a policy, or has another format.
+        """
         path = Path(path)
         if not path.is_file():
             raise InputInvalid(path, "no such file", "a policy (.npz)")
@@ -170,7 +195,7 @@ class Policy:
 def network(
     tensors: Mapping[str, Array], x: Array, depth: int, activation: str, before: str = ""
 ) -> Array:
-    """Return a multilayer perceptron's last layer (n, out) of x (n, in), in float32."""
+    """Return the last layer (n, out) of a multilayer perceptron for inputs x (n, in), float32."""
     if "shift" in tensors and not before:
         x = (x - tensors["shift"]) * tensors["scale"]
     for i in range(depth):
@@ -194,10 +219,10 @@ def begin(policy: object) -> None:
 
 @final
 class SequenceRunner:
-    """Acts as a policy of one observation does, and remembers; `begin` before new episodes.
+    """Decision transformer with its history, as a function; call `begin` before new episodes.
 
-    The return to go falls by `reward` an action, since observations do not tell it. Raises
-    InputInvalid for a policy that is no decision transformer, or not all of one.
+    The return to go falls by the setting `reward` with each action, since the observations do not
+    contain rewards. Raises InputInvalid for a policy that is not a complete decision transformer.
     """
 
     def __init__(self, policy: Policy) -> None:
@@ -220,11 +245,11 @@ class SequenceRunner:
         self.begin()
 
     def begin(self) -> None:
-        """Forget: the next observations are first ones."""
+        """Clear the history: the next observations are the first ones of new episodes."""
         self._acts.begin()
 
     def __call__(self, observation: NDArray[np.generic]) -> NDArray[np.float64]:
-        """Act on observations (n, width), one action after those before."""
+        """Return actions (n, width) for observations (n, width), the next ones of the episodes."""
         o = np.asarray(observation, np.float32)
         seen, before = len(self.policy.observation), self._acts.history
         if o.ndim != 2 or o.shape[1] != seen:

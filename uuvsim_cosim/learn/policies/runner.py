@@ -19,7 +19,7 @@ __all__ = ["Runner"]
 
 
 class Runner:
-    """Acts as the policy in `file` does, by default the .npz of this file's name."""
+    """The policy in `file`, by default the .npz file with the name of this file."""
 
     def __init__(self, file: str | Path | None = None) -> None:
         file = file or Path(__file__).with_suffix(".npz")
@@ -36,13 +36,13 @@ class Runner:
         self.begin()
 
     def begin(self) -> None:
-        """Forget what was before: the next observation is an episode's first."""
+        """Clear the history: the next observation is the first one of an episode."""
         self.before: Any = None  # where the target was at the last action
         if self.memory is not None:
             self.memory.begin()
 
     def act(self, observation: Any) -> Any:
-        """Return actions in [-1, 1] of an observation (width,), one action after those before."""
+        """Return actions in [-1, 1] for an observation (width,), the next one of the episode."""
         t = self.tensors
         x = np.asarray(observation, np.float32)
         if x.shape != (len(self.head["observation"]),) or not np.all(np.isfinite(x)):
@@ -61,11 +61,11 @@ class Runner:
     def track(
         self, eta: Any, nu: Any, u_d: float, target: Any, others: Any = (), obstacles: Any = ()
     ) -> tuple[float, float]:
-        """Return the surge acceleration [m/s2] and yaw rate [rad/s] that tracking wants.
+        """Return the surge acceleration [m/s2] and the yaw rate [rad/s] of target tracking.
 
-        `eta` is N E D phi theta psi from the arena's middle [m, rad], `nu` u v w p q r [m/s,
-        rad/s], `u_d` the wanted surge speed so far, which integrates the first answer [m/s],
-        `target` N E (D); `others` are eta and nu of each, `obstacles` N, E, radius of each.
+        `eta` is N E D phi theta psi from the arena's middle [m, rad], `nu` is u v w p q r [m/s,
+        rad/s], and `u_d` [m/s] is the integral of the returned accelerations. `target` is N E (D),
+        `others` has (eta, nu) of each other tracker, `obstacles` (N, E, radius) of each, in m.
         """
         k = self.head["settings"]["tracking"]
         eta, nu, target = (np.asarray(v, float) for v in (eta, nu, target))

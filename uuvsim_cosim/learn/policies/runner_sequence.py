@@ -1,7 +1,8 @@
-"""A decision transformer and its history, in numpy alone: beside a runner, and in evaluations.
+"""Decision transformer with its history, in NumPy: for a runner, and for evaluations.
 
-The equations are those of models/intrinsics/transformer.py, for n episodes side by side. The return
-to go begins at `wanted` and falls by `reward` an action, since observations do not tell it.
+The equations are those of models/intrinsics/transformer.py, for n parallel episodes. The return to
+go starts at `wanted` and falls by `reward` with each action, since the observations do not contain
+rewards.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ __all__ = ["Remembering"]
 
 
 class Remembering:
-    """Acts on observations (n, width), one action after those before; `begin` for new episodes."""
+    """Function from observations (n, width) to actions; call `begin` before new episodes."""
 
     def __init__(self, tensors: Any, settings: Any) -> None:
         self.t = {name: np.asarray(tensor, np.float32) for name, tensor in tensors.items()}
@@ -29,7 +30,7 @@ class Remembering:
         self.begin()
 
     def begin(self) -> None:
-        """Forget: the next observations are first ones."""
+        """Clear the history: the next observations are the first ones of new episodes."""
         self.past = 0  # actions so far
         # Returns to go, observations, actions: (n, K, width) each.
         self.history: list[np.ndarray] = []
@@ -52,7 +53,7 @@ class Remembering:
         return action
 
     def network(self, places: list[np.ndarray]) -> np.ndarray:
-        """Return the last action (n, width), before its tanh, of the three histories."""
+        """Return the last action (n, width), before its tanh, from the three histories."""
         there = min(self.context, self.past + 1)  # places, the last ones
         table = self.t["embed_time.weight"]
         steps = np.arange(self.past + 1 - there, self.past + 1)
@@ -87,7 +88,7 @@ class Remembering:
         return y
 
     def attention(self, at: str, x: np.ndarray) -> np.ndarray:
-        """Let each token see itself and those before it."""
+        """Return attention in which each token sees itself and the tokens before it."""
         n, length, h = x.shape
         parts = self.linear(at + "attention.qkv", x).reshape(n, length, 3, self.heads, -1)
         q, k, v = parts.transpose(2, 0, 3, 1, 4)

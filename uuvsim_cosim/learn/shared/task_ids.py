@@ -1,4 +1,4 @@
-"""Tasks by name, as `uuvsim train` and policies write them, and what they are made with."""
+"""Tasks by the names that `uuvsim train` and the files of policies use."""
 
 from __future__ import annotations
 
@@ -29,9 +29,20 @@ TASKS: dict[str, str] = {
 def make_task(
     name: str, options: Mapping[str, object] | None = None, *, profile: str | None = None
 ) -> Task | TeamTask:
-    """Make a task of TASKS, or of "my_package.module:Name" or "my.py:Name", with its own options.
+    """Make a task by its name, with its options.
 
-    `profile` is the option of that name, for tasks that have one; "default" is every task's.
+    `name` is a scenario of target tracking ("source", "transition_1", "transition_2", "target"),
+    the id of an environment ("uuvsim/StationKeeping-v0"), or a task of your own,
+    "my_package.module:Name" or "my.py:Name". `options` are its keyword arguments. `profile` is the
+    option of that name of target tracking; "default" is accepted for every task. Raises
+    InputInvalid for an unknown name or option.
+
+    Example:
+
+    >>> from uuvsim_cosim.learn import make_task
+    >>> task = make_task("uuvsim/StationKeeping-v0", {"away": 0.5, "horizon": 10})  # m, s
+    >>> task.away, task.horizon
+    (0.5, Fraction(10, 1))
     """
     from inspect import signature
 
@@ -70,5 +81,5 @@ def make_task(
 
 
 def short_name(name: str) -> str:
-    """Return a task's name as part of a folder's: without "uuvsim/", or a module's path."""
+    """Return a task's name for the name of a folder: without "uuvsim/" and without a module."""
     return name.rpartition("/")[2].rpartition(":")[2]

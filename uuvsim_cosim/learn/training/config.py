@@ -1,4 +1,4 @@
-"""Configuration of a training: task, algorithm, seed and numbers, from Python or a YAML file."""
+"""Configuration of a training: task, algorithm, seed and sizes, from Python or a YAML file."""
 
 from __future__ import annotations
 
@@ -20,18 +20,19 @@ __all__ = ["TrainingConfig", "merged", "read_config"]
 
 @dataclass(frozen=True)
 class TrainingConfig:
-    """Configuration of a training; the same one gives the same bits on one machine.
+    """Configuration of a training; equal ones give equal bits on one machine.
 
-    `task` is a name of `TASKS` or "package.module:Name", with the options `task_options`.
-    `settings` are those of the algorithm that differ from its defaults. `profile` "table1" has
-    exactly the numbers of the UUVSim paper's table. Raises InputInvalid for invalid values.
+    `task` is a name of `TASKS` or "package.module:Name", and `task_options` are its options.
+    `settings` are the settings of the algorithm that differ from its defaults. The `profile`
+    "table1" has exactly the numbers of the UUVSim paper's table. Raises InputInvalid for invalid
+    values.
     """
 
     task: str
-    algorithm: str | None = None  # sac for one agent, masac for several
-    seed: int = 0  # of the learner, and of the environments; below EVALUATION_SEED
-    envs: int = 64  # environments side by side
-    steps: int = 96_000  # environment steps, of all of them together
+    algorithm: str | None = None  # None: sac for one agent, masac for several
+    seed: int = 0  # of the learner and of the environments; below EVALUATION_SEED
+    envs: int = 64  # number of parallel environments
+    steps: int = 96_000  # environment steps, summed over all environments
     profile: str = "default"
     task_options: Mapping[str, object] = field(default_factory=dict)
     settings: Mapping[str, object] = field(default_factory=dict)
@@ -50,14 +51,17 @@ class TrainingConfig:
         return f"{short_name(self.task)}-{self.algorithm or 'auto'}-{self.seed}"
 
     def changed(self, **changes: Any) -> TrainingConfig:
-        """Return a copy with changes; options and settings are merged with the present ones."""
+        """Return a copy with other fields.
+
+        Task options and settings are merged with the present ones.
+        """
         for name in ("task_options", "settings"):
             if name in changes:
                 changes[name] = merged(getattr(self, name), changes[name])
         return replace(self, **changes)
 
     def plain(self) -> dict[str, Any]:
-        """Return the fields as values of JSON and YAML."""
+        """Return the fields as a mapping of values that JSON and YAML have."""
         return {f.name: plain(getattr(self, f.name)) for f in fields(self)}
 
 
@@ -92,7 +96,7 @@ def problems_of(config: TrainingConfig) -> list[tuple[str, object, str]]:
 
 
 def read_config(path: str | Path, **changes: Any) -> TrainingConfig:
-    """Read a YAML file with TrainingConfig's fields, then apply `changes`.
+    """Read a YAML file with the fields of `TrainingConfig`, then apply `changes`.
 
     Raises InputInvalid with every mistake and its line.
     """
@@ -127,7 +131,7 @@ def read_config(path: str | Path, **changes: Any) -> TrainingConfig:
 
 
 def merged(old: Mapping[str, object], new: Mapping[str, object]) -> dict[str, object]:
-    """Return two mappings merged, with the mappings inside them; `new` takes precedence."""
+    """Merge two mappings and the mappings inside them; `new` takes precedence."""
     both = dict(old)
     for key, value in new.items():
         inner = both.get(key)

@@ -1,7 +1,7 @@
-"""A curriculum: tasks one after the other, each begun with the networks of the last.
+"""Curriculum: a sequence of tasks, each of which starts from the networks of the previous one.
 
-Scenario transfer training (STT) of the UUVSim paper is one; at each switch the actions are exactly
-unchanged (see `transfer`). Curricula have names, or are read from YAML files.
+Scenario transfer training (STT) of the UUVSim paper is one. At each switch, the actions are exactly
+unchanged (see `transfer`). A curriculum is a shipped one, or is read from a YAML file.
 """
 
 from __future__ import annotations
@@ -23,7 +23,19 @@ __all__ = ["CURRICULA", "Curriculum", "Promotion", "Stage", "curriculum_of", "re
 
 @dataclass(frozen=True)
 class Promotion:
-    """Condition to end a stage early: a return reached in consecutive evaluations."""
+    """Condition to end a stage early: a return that several evaluations in a row have reached.
+
+    The limit is a `share` of the scripted controller's return or, with `share` None, a return of at
+    `least` the given number. `evaluations` is the number of consecutive evaluations.
+
+    Example:
+
+    >>> from uuvsim_cosim.learn import Promotion, Stage
+    >>> nearly_scripted = Promotion(share=0.9, evaluations=2)
+    >>> absolute = Promotion(share=None, least=90.0)
+    >>> Stage("source", steps=32_000, promotion=absolute).promotion.evaluations
+    2
+    """
 
     share: float | None = 0.9  # of the scripted controller's return
     least: float | None = None  # a return, instead of `share`, for tasks without a controller
@@ -32,7 +44,20 @@ class Promotion:
 
 @dataclass(frozen=True)
 class Stage:
-    """One task of a curriculum, for at most `steps` environment steps."""
+    """Stage of a curriculum: one task, trained for at most `steps` environment steps.
+
+    `task` is the name of a task, or "package.module:Name". `steps` are summed over all
+    environments. `options` are those of the task, and `settings` those of the algorithm; they
+    override those of the curriculum. `promotion` ends the stage early. `evaluate_every` counts
+    environment steps, by default those of the curriculum.
+
+    Example:
+
+    >>> from uuvsim_cosim.learn import Stage
+    >>> stage = Stage("source", steps=32_000, settings={"batch": 256}, evaluate_every=1_600)
+    >>> stage.promotion is None  # all steps are made
+    True
+    """
 
     task: str  # a name of TASKS, or "package.module:Name"
     steps: int  # environment steps, of all environments together
@@ -44,7 +69,27 @@ class Stage:
 
 @dataclass(frozen=True)
 class Curriculum:
-    """Stages in their order, and their common options; the same one gives the same bits."""
+    """Curriculum: stages in their order, and the configuration that they share.
+
+    `name` is part of the default folder. `stages` are a tuple of `Stage`. `algorithm` is one whose
+    networks can be transferred: "masac" (with one agent, it is SAC), "isac", "ippo", "mappo" or
+    "idqn". `settings` are those of the algorithm, and `options` those of every task. `envs` is the
+    number of parallel environments. Each stage is evaluated every `evaluate_every` environment
+    steps with `evaluation_episodes` episodes. Equal curricula and seeds give equal bits on one
+    machine. Raises InputInvalid for invalid fields; tasks and settings are checked when the
+    training starts.
+
+    Example:
+
+    >>> from uuvsim_cosim.learn import CURRICULA, Curriculum, Promotion, Stage
+    >>> approach = Stage("source", steps=32_000, promotion=Promotion(share=0.9))
+    >>> curriculum = Curriculum("two", (approach, Stage("transition_1", steps=64_000)))
+    >>> quick = curriculum.changed(envs=8, settings={"hidden": 64})
+    >>> quick.envs, quick.plain()["stages"][0]["task"]
+    (8, 'source')
+    >>> [stage.task for stage in CURRICULA["stt"].stages]  # the shipped curriculum
+    ['source', 'transition_1', 'transition_2', 'target']
+    """
 
     name: str
     stages: tuple[Stage, ...]
@@ -81,9 +126,10 @@ class Curriculum:
                 raise InputInvalid(f"{place}, promotion, {given[0]} {value!r}", "a number")
 
     def changed(self, **changes: Any) -> Curriculum:
-        """Return a copy with changes, which take precedence over those of the stages.
+        """Return a copy with other fields, which also override the values of the stages.
 
-        Options and settings are merged with the present ones.
+        `changes` are fields of the curriculum. Options and settings are merged with the present
+        ones.
         """
         given = {name: changes.pop(name, {}) for name in ("options", "settings")}
         stages = []
@@ -97,7 +143,7 @@ class Curriculum:
         return replace(self, stages=tuple(stages), **changes)
 
     def plain(self) -> dict[str, object]:
-        """Return the fields as values of JSON."""
+        """Return the fields as a mapping of values that JSON has."""
         return dict(json.loads(json.dumps(asdict(self))))
 
 
@@ -107,13 +153,13 @@ def _whole(name: str, value: object) -> None:
 
 
 GOOD = Promotion()
-ALONE = {"batch": 256}  # rows for the networks; two agents that share them make 256 of 128
-# Normalised critics teach to go closer to a target that rests, for the little that r_a gives, than
-# is good once it moves: docs/learning/paper.md.
+ALONE = {"batch": 256}  # as many samples as two agents with shared networks have of 128
+# With normalised critics, the policy goes closer to a resting target, for a small gain of r_a, than
+# is good when the target moves: docs/learning/paper.md.
 FIRST = {**ALONE, "normalised": False, "updates": 10.0}
 
 # fmt: off
-# The UUVSim paper's four scenarios. What differs from the defaults is what trials have shown:
+# The UUVSim paper's four scenarios. Settings that differ from the defaults were found by trials:
 # docs/learning/paper.md.
 CURRICULA = {
     "stt": Curriculum(
@@ -134,7 +180,7 @@ CURRICULA = {
 
 
 def curriculum_of(name: str | Path) -> Curriculum:
-    """Return a curriculum that ships, or read a file's; raises InputInvalid."""
+    """Return a shipped curriculum by its name, or read a file; raises InputInvalid."""
     if str(name) in CURRICULA:
         return CURRICULA[str(name)]
     if str(name).endswith((".yaml", ".yml")):
@@ -147,7 +193,10 @@ def curriculum_of(name: str | Path) -> Curriculum:
 
 
 def read_curriculum(path: Path) -> Curriculum:
-    """Read a YAML file with Curriculum's fields, `stages` a list; every mistake with its line."""
+    """Read a YAML file with the fields of `Curriculum`; `stages` is a list.
+
+    Raises InputInvalid with every mistake and its line.
+    """
     if not path.is_file():
         raise InputInvalid(path, "no such file", "a curriculum (.yaml)")
     text = YamlText(path, "a curriculum")

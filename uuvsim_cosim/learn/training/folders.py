@@ -1,6 +1,6 @@
-"""Folders of trainings and curricula: owner, lock, and record of the finished stages.
+"""Folders of trainings and curricula: configuration, lock, and record of the finished stages.
 
-A folder belongs to one training or curriculum, and one process works in it at a time.
+A folder belongs to one training or curriculum, and only one process at a time works in it.
 """
 
 from __future__ import annotations
@@ -68,7 +68,7 @@ def refuse_other(folder: Path, config: TrainingConfig, restart: bool) -> None:
         raise InputInvalid(
             folder,
             f"holds a training with {k} {before.get(k)!r}",
-            f"{now[k]!r}, another folder (-o), or to begin anew (--restart)",
+            f"{now[k]!r}, another folder (-o), or a new start (--restart)",
         )
 
 
@@ -82,20 +82,20 @@ def write_owner(folder: Path, config: TrainingConfig, restart: bool) -> None:
 
 
 def has_owner(about: Path) -> bool:
-    """Return whether the file with a folder's owner exists.
+    """Return whether the folder has a file with a configuration.
 
-    Raises InputInvalid for a folder without it that holds other files.
+    Raises InputInvalid if it has none and holds other files.
     """
     if about.is_file():
         return True
     folder = about.parent
     if folder.exists() and (not folder.is_dir() or any(p.name != LOCK for p in folder.iterdir())):
-        raise InputInvalid(folder, "holds other things", "an empty or a new folder")
+        raise InputInvalid(folder, "contains other files", "an empty or a new folder")
     return False
 
 
 def write_about(about: Path, content: Mapping[str, object]) -> None:
-    """Write the file with a folder's owner, whole or not at all; raises InputInvalid."""
+    """Write the file with a folder's configuration, whole or not at all; raises InputInvalid."""
     try:
         about.parent.mkdir(parents=True, exist_ok=True)
         write_whole(about, (json.dumps(content, indent=1) + "\n").encode())
@@ -153,8 +153,8 @@ def done_in(
 ) -> list[dict[str, Any]]:
     """Return the records of the finished stages.
 
-    Raises InputInvalid for a folder of another curriculum; with `restart`, it may be any, and no
-    stage is finished.
+    Raises InputInvalid for a folder of another curriculum. With `restart`, the folder may be that
+    of any curriculum, and no stage counts as finished.
     """
     about = folder / CURRICULUM
     if not has_owner(about) or restart:
@@ -172,7 +172,7 @@ def done_in(
             raise InputInvalid(
                 folder,
                 f"holds a curriculum with {name} {before.get(name)!r}",
-                f"{now.get(name)!r}, another folder (-o), or to begin anew (--restart)",
+                f"{now.get(name)!r}, another folder (-o), or a new start (--restart)",
             )
     return done
 
@@ -183,9 +183,10 @@ def write_done(folder: Path, curriculum: Curriculum, seed: int, done: list[dict[
 
 
 def begin_anew(folder: Path) -> None:
-    """Delete the files of a curriculum's stages and report; CURRICULUM stays and marks the folder.
+    """Delete the files of a curriculum's stages and its report, except the file CURRICULUM.
 
-    Other files stay too, and so does the folder of a separate training within.
+    That file marks the folder. Other files stay, too, and so does the folder of a separate training
+    below.
     """
     stages = (p for p in folder.glob("[1-9]*-*") if p.is_dir() and not (p / TRAINING).exists())
     for place in (*stages, folder):

@@ -1,4 +1,7 @@
-"""Ctrl-C and SIGTERM as a flag that a training reads after each step; a second one ends it."""
+"""Ctrl-C and SIGTERM as a flag that a training reads after each step.
+
+A second signal ends the training at once.
+"""
 
 from __future__ import annotations
 
@@ -15,9 +18,9 @@ Handler = Callable[[int, FrameType | None], object] | int | None
 
 
 class TrainingInterrupted(KeyboardInterrupt):
-    """An interrupted training that was saved; the message says how to resume it.
+    """Interrupted training that was saved; the message states how to resume it.
 
-    `status` is the exit status of a command.
+    `status` is the exit status of the command.
     """
 
     def __init__(self, sentence: str, status: int) -> None:
@@ -27,10 +30,10 @@ class TrainingInterrupted(KeyboardInterrupt):
 
 @final
 class Interruption:
-    """Within the context, the first signal only sets a flag, which a call returns.
+    """Context in which the first signal only sets a flag; a call returns the flag.
 
     `status` is the exit status of an interrupted command: 130, or 143 after SIGTERM. Python
-    delivers signals to the main thread only: in other threads the flag is never set.
+    delivers signals to the main thread only. In other threads, the flag is never set.
     """
 
     status = 130
@@ -55,7 +58,7 @@ class Interruption:
             signal.signal(number, handler)
 
     def __call__(self) -> bool:
-        """Return whether a signal came."""
+        """Return whether a signal has arrived."""
         return self._came
 
     def _note(self, number: int, _frame: FrameType | None) -> None:

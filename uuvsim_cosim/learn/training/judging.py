@@ -1,4 +1,4 @@
-"""Judgement of policies on seeds used for nothing else: means with bootstrap intervals.
+"""Final judgement of policies on seeds of their own: means with bootstrap intervals.
 
 Several policies are evaluated in parts, in this process or, with equal bits, on a cluster.
 """
@@ -33,10 +33,10 @@ def judge(
     episodes: int = 100,
     seed: int = JUDGING_SEED,
 ) -> dict[str, Interval]:
-    """Return figures of one policy, or of several together: each is run on the same episodes.
+    """Return the results of one policy, or of several together, on the same episodes.
 
-    "return" is the mean, "return iqm" the interquartile mean; the metrics are means over the
-    second half of each episode, `clean` and `success` shares of episodes (see `Evaluation`).
+    "return" is the mean return, "return iqm" the interquartile mean. The metrics are means over the
+    second half of each episode; `clean` and `success` are shares of episodes (see `Evaluation`).
     """
     return judged([evaluate(task, p, episodes, seed=seed) for p in policies])
 
@@ -44,7 +44,7 @@ def judge(
 def judge_scripted(
     task: Task | TeamTask, episodes: int = 100, seed: int = JUDGING_SEED
 ) -> dict[str, Interval]:
-    """Return the figures of the task's scripted controller; none for a task without one."""
+    """Return the results of the task's scripted controller; {} for a task without one."""
     try:
         policy = scripted_policy(task)
     except InputInvalid:
@@ -53,7 +53,7 @@ def judge_scripted(
 
 
 def judged(evaluations: Sequence[Evaluation]) -> dict[str, Interval]:
-    """Return the figures of evaluations of one policy trained with several seeds."""
+    """Return the results of evaluations of a policy that was trained with several seeds."""
 
     def stacked(name: str) -> NDArray[np.float64]:
         return np.stack([e.metrics[name] for e in evaluations])
@@ -86,9 +86,10 @@ def evaluate_all(
     cluster: Cluster | None = None,
     progress: Callable[[str, float, float], None] | None = None,
 ) -> dict[str, Evaluation]:
-    """Return an Evaluation of each policy (as `evaluate` takes them); all on the same seeds.
+    """Evaluate each of `policies`, in the form that `evaluate` expects, on the same seeds.
 
-    "random" is one part, since its random numbers continue from episode to episode.
+    The episodes are distributed in parts, except those of "random", whose random numbers continue
+    from episode to episode.
     """
     parts, owners = [], []
     for who, acts in policies.items():

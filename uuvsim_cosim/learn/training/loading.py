@@ -29,10 +29,10 @@ MARKS = ("-", ".")  # between a file's stem and its agent: of trainings, of kept
 
 
 def policy_path(given: str | Path) -> Path:
-    """Return a file or folder as it is, or the file of a policy that ships, by its name.
+    """Return a file or folder unchanged, or the file of a shipped policy by its name.
 
-    A curriculum's folder stands for that of its last finished stage. Raises InputInvalid where
-    there is none of these.
+    For the folder of a curriculum, return that of its last finished stage. Raises InputInvalid if
+    `given` is none of these.
     """
     path = Path(given).expanduser()
     if (path / CURRICULUM).is_file():
@@ -51,12 +51,26 @@ def policy_path(given: str | Path) -> Path:
 
 
 def load_policies(path: str | Path, which: str = "best") -> list[Policy]:
-    """Read the policies of a training's folder, or a file and those of the same team beside it.
+    """Read the policies of an agent or a team from a file or a folder.
 
-    A file of a team is named after its agent, "best-tracker_1.npz" in a training's folder and
-    "stt-masac-0.tracker_1.npz" among the results of `uuvsim reproduce`. A curriculum's folder gives
-    the policies of its last finished stage. `which` is "best" or "policy", the last; a folder with
-    one kind only gives that. A policy that ships may be given by its name, "target_masac".
+    `path` is one of these:
+
+    - the folder of a training; the folder of a curriculum gives the policies of its last finished
+      stage;
+    - a file `*.npz`. The file of an agent of a team is named after the agent, "best-tracker_1.npz"
+      in the folder of a training, "stt-masac-0.tracker_1.npz" among the results of `uuvsim
+      reproduce`; then the files of the other agents in the same folder are read, too;
+    - the name of a shipped policy, "target_masac".
+
+    `which` is "best" (the policy of the best evaluation) or "policy" (the last policy). If a folder
+    has only one of them, that one is read. Raises InputInvalid for a path without a policy.
+
+    Example:
+
+    >>> from uuvsim_cosim.learn import load_policies
+    >>> (policy,) = load_policies("source_sac")
+    >>> policy.task, len(policy.observation), len(policy.action)
+    ('source', 31, 2)
     """
     path = policy_path(path)
     if not path.is_dir():
@@ -76,11 +90,23 @@ def load_policies(path: str | Path, which: str = "best") -> list[Policy]:
 
 
 def acting_in(task: Task | TeamTask, policies: Sequence[Policy], name: str) -> Policies:
-    """Return policies as `evaluate` takes them; raises InputInvalid if they see or do other things.
+    """Return policies in the form that `evaluate` expects: one function, or one for each agent.
 
-    An agent acts by the policy that is named after it. Only if the policies are those of a whole
-    team, agents beyond that team take them in turn: a team of two can be three. A policy without
-    an agent's name is every agent's.
+    Each function maps observations (n, width) to actions (n, width) in [-1, 1]. `task` is the task
+    in which they act, and `name` its name, for messages. An agent of a team acts by the policy that
+    is named after it. A policy without an agent's name is that of every agent. If `policies` are
+    those of a whole team, further agents use them in turn, so that policies of a team of two can
+    act in a team of three. Raises InputInvalid if the widths of observations or actions differ from
+    those of the task, and if the policy of an agent is missing.
+
+    Example:
+
+    >>> from uuvsim_cosim.envs.tasks import evaluate
+    >>> from uuvsim_cosim.learn import acting_in, load_policies, make_task
+    >>> task = make_task("source")
+    >>> act = acting_in(task, load_policies("source_sac"), "source")
+    >>> evaluate(task, act, episodes=4).returns.shape
+    (4,)
     """
     observed, acted = widths(task)
     for p in policies:

@@ -1,7 +1,8 @@
 """Trainings on a Ray cluster: each is a chain of pieces, from checkpoint to checkpoint.
 
-A piece receives the files of the training and returns them changed, so that a worker that dies
-loses only its piece. A resumed training has the same bits, so these have those of one process.
+A piece receives the files of the training and returns the changed ones, so that the death of a
+worker loses only its piece. Since a resumed training has the same bits, the results are the same as
+those of one process.
 """
 
 from __future__ import annotations
@@ -25,7 +26,7 @@ from uuvsim_cosim.learn.training.train import Trained, one_thread, resolved, tra
 __all__ = ["ALIKE", "SECONDS", "changed_files", "clock", "read_files", "train_on", "write_files"]
 
 ALIKE = ("torch", "stable-baselines3")  # libraries whose versions decide the bits
-SECONDS = 60.0  # of a piece, and what is lost with a worker at most
+SECONDS = 60.0  # duration of a piece: the most that is lost if a worker dies
 
 Progress = Callable[[str, float, float], None]
 
@@ -51,10 +52,11 @@ def train_on(
     progress: Progress | None = None,
     seconds: float = SECONDS,
 ) -> list[Trained]:
-    """Train or resume several trainings at once, each in its local folder, to the bits of `train`.
+    """Train or resume several trainings at once, each in its local folder.
 
-    No TensorBoard files are written. Ctrl-C raises TrainingInterrupted and loses the unfinished
-    pieces, of `seconds` each; the same call resumes.
+    The results have the same bits as those of `train`. No TensorBoard files are written. Ctrl-C
+    raises TrainingInterrupted and loses the unfinished pieces, which take `seconds` each; the same
+    call resumes.
     """
     chosen = [resolved(c) for c in configs]
     places = [f.expanduser().absolute() for f in folders]
@@ -86,8 +88,8 @@ def train_on(
                     progress("training", sum(steps), total)
         except KeyboardInterrupt:
             raise TrainingInterrupted(
-                f"interrupted after step {sum(steps)} of {total}; the same command goes on from "
-                f"there, and loses up to {seconds:g} s of each seed",
+                f"interrupted after step {sum(steps)} of {total}; the same command continues from "
+                f"there, and repeats up to {seconds:g} s of each seed",
                 130,
             ) from None
     return [Trained(*each) for each in zip(places, chosen, rows, cpu, notes, strict=True)]
@@ -138,7 +140,7 @@ LAST = (".pt", ".json")  # refer to other files, which must exist before them
 
 
 def read_files(folder: Path) -> dict[str, bytes]:
-    """Return the files of a folder, and of those in it, by path; none, where it is not there."""
+    """Return the files of a folder and its subfolders by path; {} if the folder does not exist."""
     return {
         path.relative_to(folder).as_posix(): path.read_bytes()
         for path in sorted(folder.rglob("*"))

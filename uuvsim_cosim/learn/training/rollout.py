@@ -1,6 +1,6 @@
-"""Rollout: a task in n copies of its system, as arrays; its state can be saved and restored.
+"""Rollout: episodes of a task in n environments as arrays; the state can be saved and restored.
 
-A team's task and a task of one agent have the same form: observations (n, N, d), actions (n, N, a).
+Tasks of one agent and of a team have the same form: observations (n, N, d), actions (n, N, a).
 """
 
 from __future__ import annotations
@@ -34,9 +34,10 @@ Outcome = tuple[NDArray[np.float64], Mask, Mask, Mapping[str, NDArray[np.generic
 
 @dataclass(frozen=True)
 class Ended:
-    """Episodes that have just ended: returns (the mean of a team's agents) and means of infos.
+    """Episodes that have just ended: returns (of a team, the mean over its agents) and metrics.
 
-    `metrics` are means over the second half of each episode, as `envs.tasks.evaluate` gives.
+    `metrics` are means of the task's infos over the second half of each episode, as those of
+    `envs.tasks.evaluate`.
     """
 
     returns: NDArray[np.float64]  # (k,)
@@ -46,10 +47,10 @@ class Ended:
 
 @final
 class Rollout:
-    """n episodes side by side; where one ends the next begins in the same step.
+    """Parallel episodes in n environments; if one ends, the next begins in the same step.
 
-    Environment i has seed `seed` + i. The state of it all is the seeds, the episodes' numbers, and
-    the actions since their starts: episode k of a seed depends on nothing else.
+    Environment i has the seed `seed` + i. The whole state consists of the seeds, the numbers of the
+    episodes, and the actions since their starts, because an episode depends on nothing else.
     """
 
     def __init__(self, task: Task | TeamTask, n: int, seed: int, *, threads: int = 1) -> None:
@@ -72,7 +73,7 @@ class Rollout:
 
     @property
     def steps(self) -> NDArray[np.int64]:
-        """The actions since the resets, of shape (n,)."""
+        """The number of actions since the resets, of shape (n,)."""
         return self._world.episodes.moment.step
 
     def named(self) -> tuple[tuple[Named, ...], tuple[Named, ...]]:
@@ -80,7 +81,10 @@ class Rollout:
         return self._world.named()
 
     def step(self, actions: Array) -> tuple[Transitions, Ended | None]:
-        """Act; `actions` (n, N, a) in [-1, 1]."""
+        """Make one step with `actions` (n, N, a) in [-1, 1].
+
+        Returns the transitions, and the episodes that have ended, or None.
+        """
         actions = np.asarray(actions, np.float32)
         before, at = self.observation, self.steps.copy()
         self._actions[at, np.arange(self.n)] = actions
@@ -112,7 +116,7 @@ class Rollout:
         self, at: NDArray[np.int64], reward: NDArray[np.float64],
         infos: Mapping[str, NDArray[np.generic]],
     ) -> None:  # fmt: skip
-        """Keep the rewards and infos of the steps `at` (n,), for the means of the episodes."""
+        """Store the rewards and infos of the steps `at` (n,), for the means of the episodes."""
         rows = np.arange(self.n)
         self._returns[at, rows] = reward.mean(axis=1)
         for name, values in infos.items():
@@ -131,7 +135,7 @@ class Rollout:
         }
 
     def set_state(self, state: State) -> None:
-        """Repeat the episodes of `state` with their actions, up to where they were."""
+        """Restore a state: repeat its episodes with their actions up to the same step."""
         steps = np.asarray(state["steps"])
         if steps.shape != (self.n,) or state["actions"].shape[1:] != self._actions.shape[1:]:
             raise InputInvalid(

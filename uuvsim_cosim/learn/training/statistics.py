@@ -36,41 +36,41 @@ UNDECIDED: Decision = "cannot be decided"
 
 @dataclass(frozen=True)
 class Interval:
-    """A figure with its 95 % bootstrap interval."""
+    """Value with its 95 % bootstrap interval."""
 
     value: float
     low: float
     high: float
 
     def __str__(self) -> str:
-        """Return "0.95 [0.93, 0.97]"."""
+        """Return the text "0.95 [0.93, 0.97]"."""
         return f"{self.value:.3g} [{self.low:.3g}, {self.high:.3g}]"
 
     def at_least(self, limit: float) -> Decision:
-        """Judge "the figure is at least `limit`": decided only if the whole interval agrees."""
+        """Decide whether the value is at least `limit`: only if the whole interval agrees."""
         return HOLDS if self.low >= limit else HOLDS_NOT if self.high < limit else UNDECIDED
 
     def at_most(self, limit: float) -> Decision:
-        """Judge "the figure is at most `limit`", likewise."""
+        """Decide whether the value is at most `limit`: only if the whole interval agrees."""
         return HOLDS if self.high <= limit else HOLDS_NOT if self.low > limit else UNDECIDED
 
     def above(self, other: Interval) -> Decision:
-        """Judge "this figure is greater": decided only if the intervals have nothing in common."""
+        """Decide whether this value is greater: only if the intervals do not overlap."""
         return HOLDS if self.low > other.high else HOLDS_NOT if self.high < other.low else UNDECIDED
 
 
 def together(*verdicts: Decision) -> Decision:
-    """Judge that all claims hold: one false claim decides, else one undecided claim does."""
+    """Decide whether all claims hold: one false claim decides, else one undecided claim."""
     return next((verdict for verdict in (HOLDS_NOT, UNDECIDED) if verdict in verdicts), HOLDS)
 
 
 def interquartile_mean(values: Array) -> float:
-    """Return the mean of the middle half; values at the quartiles count with their share."""
+    """Return the mean of the middle half of the values; values at the quartiles count partly."""
     ordered = np.sort(np.ravel(values))
     n = len(ordered)
     if not n:
         raise InputInvalid("interquartile mean of no values", "at least one")
-    # Value k stands for the share [k/n, (k+1)/n]; what lies in [1/4, 3/4] counts.
+    # Value k stands for the share [k/n, (k+1)/n]; its part in [1/4, 3/4] is its weight.
     edges = np.clip(np.arange(n + 1) / n, 0.25, 0.75)
     return float(np.diff(edges) @ ordered * 2.0)
 
@@ -82,9 +82,9 @@ def interval(
     draws: int = 2000,
     seed: int = 0,
 ) -> Interval:
-    """Return a figure of values (seeds, episodes) with its 95 % stratified bootstrap interval.
+    """Return `figure` of values (seeds, episodes) with its 95 % stratified bootstrap interval.
 
-    Episodes are drawn again within each seed, and seeds among themselves.
+    Seeds are resampled, and within each seed its episodes.
     """
     values = np.atleast_2d(np.asarray(values, float))
     random = np.random.default_rng(seed)
@@ -99,7 +99,7 @@ def interval(
 
 
 def probability_of_improvement(x: Array, y: Array, *, draws: int = 2000, seed: int = 0) -> Interval:
-    """Return how often a value of x is greater than one of y; ties count half."""
+    """Return the probability that a value of x is greater than a value of y; ties count half."""
     x, y = np.ravel(np.asarray(x, float)), np.ravel(np.asarray(y, float))
     if not len(x) or not len(y):
         raise InputInvalid("probability of improvement of no values", "at least one each")
@@ -117,8 +117,8 @@ def probability_of_improvement(x: Array, y: Array, *, draws: int = 2000, seed: i
 def ratio(x: Array, y: Array, *, same: bool = False, draws: int = 2000, seed: int = 0) -> Interval:
     """Return mean(x) / mean(y) of values (seeds, episodes), with its 95 % bootstrap interval.
 
-    Episode k of both is the same, so the same episodes are drawn for both. With `same`, the seeds
-    of both are the same too, for example one policy under two conditions.
+    Episode k of both is the same, so the same episodes are resampled for both. With `same`, the
+    seeds of both are the same, too, for example those of one policy under two conditions.
     """
     x, y = (np.atleast_2d(np.asarray(v, float)) for v in (x, y))
     least = min(x.shape[1], y.shape[1])

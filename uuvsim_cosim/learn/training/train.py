@@ -1,4 +1,4 @@
-"""A training from its configuration: `train("transition_1", algorithm="sac", seed=3)`."""
+"""Training of a policy from its configuration: `train("transition_1", seed=3)`."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 from uuvsim_cosim.envs.task.task import Task, TeamTask
 from uuvsim_cosim.errors import InputInvalid
@@ -19,6 +19,7 @@ from uuvsim_cosim.learn.training.events import Events
 from uuvsim_cosim.learn.training.folders import locked, refuse_other, write_owner
 from uuvsim_cosim.learn.training.interruption import Interruption, TrainingInterrupted
 from uuvsim_cosim.learn.training.loading import load_policies
+from uuvsim_cosim.notebook_bar import Progress, shown
 
 if TYPE_CHECKING:
     from uuvsim_cosim.learn.algorithms.learner import Learner
@@ -43,10 +44,13 @@ class Trained:
     config: TrainingConfig
     evaluations: Sequence[Mapping[str, float]]  # one row each, the first before learning
     cpu: float  # s, of this call
-    note: str | None = None  # why nothing was learned, where that is so
+    note: str | None = None  # the reason, if nothing was learned
 
     def policies(self, which: str = "best") -> dict[str, Policy]:
-        """Return the policies by agent: "best" of the evaluations, or "policy", the last."""
+        """Return the policies by agent; `which` is "best" (of the evaluations) or "policy" (last).
+
+        The agent of a task of one agent is "agent".
+        """
         return {p.agent or "agent": p for p in load_policies(self.folder, which)}
 
 
@@ -59,14 +63,48 @@ def train(
     tensorboard: bool = True,
     first: int | None = None,
     interrupted: Callable[[], bool] | None = None,
+    progress: Progress | Literal[False] | None = None,
     **changes: Any,
 ) -> Trained:
-    """Train, or resume a training, in `folder` (runs/train/TASK-ALGORITHM-SEED).
+    """Train policies in a folder, or resume the training there; return its results.
 
-    `given` is a configuration, a YAML file of one, or a task's name; `changes` are fields of
-    TrainingConfig. After Ctrl-C, the current step is saved and TrainingInterrupted raised; the
-    same call resumes, to the same bits. Torch computes on one thread. `first` is the first seed of
-    the environments, see `Training`; `interrupted` is called after each step too.
+    `given` is the name of a task ("source", "uuvsim/StationKeeping-v0", "package.module:Name"), a
+    YAML file, or a `TrainingConfig`. `changes` are fields of a configuration, which override those:
+    `algorithm`, `seed`, `envs`, `steps`, `task_options`, `settings`, `evaluate_every`, …;
+    docs/learning/learning.md lists them with their defaults. `steps` and `evaluate_every` count
+    environment steps, summed over all environments.
+
+    `folder` is by default runs/train/TASK-ALGORITHM-SEED. An interrupted training resumes there and
+    gives the same bits; `restart` starts it from the beginning. `observers` receive the progress of
+    each step. With `tensorboard`, curves are written for TensorBoard, too. `first` is the seed of
+    the first environment, by default one that no training with another `seed` uses. If
+    `interrupted`, which is called after each step, returns True, the training ends as after Ctrl-C.
+    Torch computes on one thread. The result has `evaluations` (one row each, with the mean
+    "return"), `policies()`, the CPU time `cpu` [s], and in `note` the reason if nothing was
+    learned.
+
+    ``progress("training", done, total)`` counts environment steps; without it, a notebook shows a
+    bar while the training lasts. With False, there is no bar.
+
+    Needs the extra `rl`. Raises InputInvalid for an invalid configuration and for a folder of
+    another training, TrainingInterrupted after Ctrl-C, when the current step has been saved, and
+    LearningDiverged if a loss or a gradient is not finite.
+
+    Example:
+
+    >>> from uuvsim_cosim.learn import train
+    >>> result = train(  # much too short to learn the task: it takes about 25,000 steps
+    ...     "source",
+    ...     folder="first",
+    ...     envs=8,
+    ...     steps=320,
+    ...     evaluate_every=160,
+    ...     evaluation_episodes=2,
+    ...     settings={"hidden": 16, "batch": 16, "warm_up": 64},
+    ... )
+    >>> [row["step"] for row in result.evaluations]  # the first one before learning
+    [0.0, 160.0, 320.0]
+    >>> policy = result.policies("best")["agent"]
     """
     if isinstance(given, TrainingConfig):
         config = given.changed(**changes)
@@ -80,6 +118,8 @@ def train(
     with ExitStack() as stack:
         refuse_other(place, config, restart)
         stack.enter_context(one_thread())
+        if (report := stack.enter_context(shown(progress))) is not None:
+            observers = (*observers, lambda p: report("training", p.step, p.steps))
         if tensorboard and Events.possible():
             observers = (*observers, stack.enter_context(Events(place)))
         interruption = Interruption()
@@ -101,7 +141,7 @@ def train(
             except KeyboardInterrupt:
                 raise TrainingInterrupted(
                     f"interrupted after step {training.step} of {config.steps}; the same command "
-                    f"goes on from {training.checkpoint}",
+                    f"continues from {training.checkpoint}",
                     interruption.status,
                 ) from None
         return Trained(place, config, rows, training.cpu, training.note)
@@ -116,7 +156,7 @@ def training_of(
     interrupted: Callable[[], bool] | None = None,
     first: int | None = None,
 ) -> Training:
-    """Make a training, ready to `run`; raises InputInvalid if it cannot be."""
+    """Make a training that can `run`; raises InputInvalid for an invalid configuration."""
     learner = learner_in(task, config.algorithm, config.settings, n=config.envs, seed=config.seed)
     from uuvsim_cosim.learn.training.training import Training
 
@@ -156,15 +196,15 @@ def resolved(config: TrainingConfig) -> TrainingConfig:
 
 
 def training_folder(config: TrainingConfig, parent: Path = Path("runs") / "train") -> Path:
-    """Return runs/train/TASK-ALGORITHM-SEED."""
+    """Return the default folder of a training, runs/train/TASK-ALGORITHM-SEED."""
     return parent / config.name
 
 
 def one_thread() -> ExitStack:
-    """Let torch and NumPy compute on one thread until the exit.
+    """Return a context in which torch and NumPy compute on one thread.
 
-    One thread is faster for small batches. NumPy's product of matrices has other bits with more
-    threads on some processors, so that a worker of a cluster and this process would differ.
+    One thread is faster for small batches. On some processors, NumPy's matrix product has other
+    bits with more threads, so that a worker of a cluster and this process would differ.
     """
     stack = ExitStack()
     try:
@@ -174,7 +214,9 @@ def one_thread() -> ExitStack:
     try:
         from threadpoolctl import threadpool_limits
     except ModuleNotFoundError as error:
-        raise InputInvalid("threadpoolctl is not installed", "pip install threadpoolctl") from error
+        raise InputInvalid(
+            "threadpoolctl is not installed", "pip install 'uuvsim-cosim[rl]'"
+        ) from error
     stack.callback(torch.set_num_threads, torch.get_num_threads())
     torch.set_num_threads(1)
     stack.enter_context(threadpool_limits(1, user_api="blas"))

@@ -1,4 +1,4 @@
-"""Training through a curriculum, stage by stage, in a folder from which it can be resumed."""
+"""Training on the stages of a curriculum, in a folder from which it can be resumed."""
 
 from __future__ import annotations
 
@@ -50,8 +50,8 @@ class StageTrained:
     evaluations: Sequence[Mapping[str, float]]  # one row each, the first before learning
     scripted: float | None  # return of the hand-written controller, on the same episodes
     promoted: bool
-    cpu: float  # s, evaluations included, all calls together
-    note: str | None = None  # why nothing was learned, where that is so
+    cpu: float  # s, evaluations included, summed over all calls
+    note: str | None = None  # the reason, if nothing was learned
 
 
 def train_curriculum(
@@ -67,12 +67,39 @@ def train_curriculum(
     first: int | None = None,
     tensorboard: bool = True,
 ) -> list[StageTrained]:
-    """Train through a curriculum, or resume it, in `folder`; a resumed one has the same bits.
+    """Train on the stages of a curriculum in a folder, or resume it; return the stages' results.
 
-    Each stage is a Training in its own folder, "2-transition_1"; switch.pt there is the state that
-    it began with. A finished stage is not repeated. The folder is locked for this process, and
-    torch computes on one thread. With `restart`, another curriculum in the folder is replaced.
-    `first` is the first seed of the environments, see `Training`.
+    `curriculum` is a `Curriculum`, for example CURRICULA["stt"]. Each stage is a training in a
+    folder of its own below `folder`, "2-transition_1"; the file switch.pt there holds the networks
+    that the stage started from. A finished stage is not repeated, and an interrupted curriculum
+    resumes with the same bits. `restart` starts from the beginning, and replaces another curriculum
+    in the folder. `seed` is the seed of the learner and of the environments; `first` is the seed of
+    the first environment, by default one that no training with another seed uses.
+
+    `observers` receive the progress of each step. `stage_begins(number, stage)` and
+    `stage_ends(number, result)` are called at each stage, numbers from 0. `interrupted` is called
+    after each step; if it returns True, the step is saved and KeyboardInterrupt is raised. With
+    `tensorboard`, curves are written for TensorBoard, too. The folder is locked for this process,
+    and torch computes on one thread. Each result has the stage's `folder`, `task`, `evaluations`,
+    the `scripted` return, whether it was `promoted`, `cpu` [s] and a `note` if nothing was learned.
+
+    Needs the extra `rl`. Raises InputInvalid, before anything is trained, for wrong tasks, options
+    or settings of a stage, and for stages whose networks or observations differ in size.
+
+    Example:
+
+    >>> from uuvsim_cosim.learn import Curriculum, Stage, train_curriculum
+    >>> short = Curriculum(  # much too short to learn the tasks
+    ...     "short",
+    ...     (Stage("source", steps=160), Stage("transition_1", steps=160)),
+    ...     settings={"hidden": 16, "batch": 16, "warm_up": 64},
+    ...     envs=8,
+    ...     evaluate_every=160,
+    ...     evaluation_episodes=2,
+    ... )
+    >>> results = train_curriculum(short, "short")
+    >>> [(stage.folder.name, stage.evaluations[-1]["step"]) for stage in results]
+    [('1-source', 160.0), ('2-transition_1', 160.0)]
     """
     from uuvsim_cosim.learn.algorithms.checkpoint import save_checkpoint
 
@@ -124,14 +151,14 @@ def _result(place: Path, stage: Stage, row: Mapping[str, Any]) -> StageTrained:
             rows = [{k: float(v) for k, v in r.items() if v} for r in csv.DictReader(file)]
     except (OSError, ValueError, TypeError, AttributeError) as error:
         raise InputInvalid(
-            path, f"cannot be read ({error})", "what a stage that is done has left"
+            path, f"cannot be read ({error})", "the results of a finished stage"
         ) from None
     promoted, cpu = bool(row["promoted"]), float(row["cpu"])
     return StageTrained(place, stage.task, rows, row["scripted"], promoted, cpu, row.get("note"))
 
 
 def _checked_tasks(curriculum: Curriculum) -> list[Task | TeamTask]:
-    """Make the tasks; check that all settings exist, and that no switch changes the networks."""
+    """Make the tasks; check all settings, and that the networks of all stages have one shape."""
     from uuvsim_cosim.learn.algorithms.transfer import SHAPES
 
     tasks: list[Task | TeamTask] = []
@@ -178,7 +205,7 @@ def train_stage(
     observers: tuple[TrainingObserver, ...], interrupted: Callable[[], bool] | None,
     first: int | None,
 ) -> tuple[dict[str, Any], Transferable]:  # fmt: skip
-    """Train stage k, or resume it; returns the record of the stage, and its learner."""
+    """Train stage k, or resume it; return the record of the stage and its learner."""
     from uuvsim_cosim.learn.algorithms.checkpoint import load_checkpoint
     from uuvsim_cosim.learn.training.training import Training
 
@@ -241,7 +268,7 @@ def learner_for(curriculum: Curriculum, k: int, task: Task | TeamTask, seed: int
 
 
 def spent(about: Path) -> float:
-    """Return the CPU seconds of earlier calls; 0 if they cannot be read."""
+    """Return the CPU time of earlier calls [s]; 0 if it cannot be read."""
     try:
         return float(json.loads(about.read_text(encoding="utf-8"))["cpu"])
     except (OSError, ValueError, KeyError, TypeError):
@@ -249,10 +276,10 @@ def spent(about: Path) -> float:
 
 
 def settings_of(curriculum: Curriculum, k: int) -> dict[str, object]:
-    """Return the settings of stage k; after a switch, without random actions at the start."""
+    """Return the settings of stage k; a stage after a switch does not start with random actions."""
     algorithm, own = curriculum.algorithm, curriculum.stages[k].settings
     settings = {**curriculum.settings, **own}
-    switched: dict[str, object] = {}  # PPO needs none: it explores by the deviation it has learned
+    switched: dict[str, object] = {}  # PPO needs none: it keeps its standard deviations
     if k and algorithm in ("masac", "isac"):
         switched = {"warm_up": 0, "critic_only": CRITIC_ONLY}
     elif k and algorithm == "idqn":
@@ -262,7 +289,7 @@ def settings_of(curriculum: Curriculum, k: int) -> dict[str, object]:
 
 
 def switch_of(folder: Path, curriculum: Curriculum, k: int) -> Path:
-    """Return the file with which stage k begins."""
+    """Return the file with the networks that stage k starts from."""
     return stage_folder(folder, k, curriculum.stages[k].task) / SWITCH
 
 

@@ -1,4 +1,4 @@
-"""A training: a learner acts in a task, is evaluated on other seeds, and is saved."""
+"""Training: a learner acts in a task, is evaluated on other seeds, and is saved."""
 
 from __future__ import annotations
 
@@ -38,15 +38,15 @@ __all__ = [
 class Progress:
     """Progress of a training; `row` has the numbers of the last step, episodes or evaluation."""
 
-    step: int  # environment steps, of all environments together
-    steps: int  # of the whole training
+    step: int  # environment steps, summed over all environments
+    steps: int  # those of the whole training
     episodes: int
     row: Mapping[str, float] = field(default_factory=dict)
     what: str = "step"  # "step", "episodes", "evaluation", "checkpoint"
 
 
 class TrainingObserver(Protocol):
-    """Observer of a training; it cannot change it."""
+    """Observer of a training: a function that receives the progress."""
 
     def __call__(self, progress: Progress) -> None:
         """Receive the progress."""
@@ -54,12 +54,14 @@ class TrainingObserver(Protocol):
 
 @final
 class Training:
-    """`learner` on `n` copies of `task`, for `steps` environment steps, saved in `folder`.
+    """Training of a `learner` in `n` environments of a `task`, for `steps` environment steps.
 
-    The folder holds episodes.csv (one row an episode), evaluations.csv, policy.npz (the last),
-    best.npz (of the best evaluation) and checkpoint.pt. `run` resumes from a checkpoint, with the
-    same bits as without an interruption. `name` and `options` make the task again. Environment i
-    has the seed `first` + i, by default one that no training with another `seed` uses.
+    Its `folder` holds episodes.csv (one row for each episode), evaluations.csv, policy.npz (the
+    last policy), best.npz (the policy of the best evaluation) and checkpoint.pt. `run` resumes from
+    the checkpoint and gives the same bits as without an interruption. `name` and `options` are
+    those from which the task can be made again. Environment i has the seed `first` + i, by default
+    one that no training with another `seed` uses. The training ends early if `stop` returns True
+    for an evaluation.
     """
 
     def __init__(
@@ -97,21 +99,21 @@ class Training:
 
     @property
     def checkpoint(self) -> Path:
-        """The file from which a training is resumed."""
+        """The file from which the training resumes."""
         return self.folder / "checkpoint.pt"
 
     @property
     def note(self) -> str | None:
-        """The reason why nothing was learned so far, or None."""
+        """The reason if nothing has been learned so far, else None."""
         return taught_nothing(self.learner.settings, self.step, self.updates)
 
     def run(self) -> list[dict[str, float]]:
-        """Train to the end; returns one row an evaluation, the first before any update.
+        """Train to the end; return one row for each evaluation, the first before any update.
 
-        The last evaluation is made at the end, whatever `evaluate_every` is. If `interrupted`
-        returns True after a step, that step is saved and KeyboardInterrupt is raised. A loss or a
-        gradient that is not finite raises LearningDiverged; then the state is in diverged.pt and
-        policy.npz, and the last checkpoint stays.
+        The last evaluation is always made at the end. If `interrupted` returns True after a step,
+        that step is saved and KeyboardInterrupt is raised. If a loss or a gradient is not finite,
+        LearningDiverged is raised; the state is then in diverged.pt and policy.npz, and the last
+        checkpoint stays valid.
         """
         self.folder.mkdir(parents=True, exist_ok=True)
         self.resume()
@@ -161,8 +163,8 @@ class Training:
             if _has_learned(self.folder / "evaluations.csv"):
                 raise InputInvalid(
                     self.checkpoint,
-                    "no such file, beside curves of what was learned",
-                    "it, another folder, or to begin anew (--restart)",
+                    "no such file, although curves of the training exist",
+                    "it, another folder, or a new start (--restart)",
                 )
             return
         read = load_checkpoint(self.checkpoint)
@@ -188,7 +190,7 @@ class Training:
             raise InputInvalid(
                 self.checkpoint,
                 f"of step {self.step}, {self.steps} asked for",
-                "at least as many steps, another folder, or to begin anew (--restart)",
+                "at least as many steps, another folder, or a new start (--restart)",
             )
         self._resumed = True
 
@@ -227,7 +229,7 @@ class Training:
             self._write_policies("best")
 
     def policies(self) -> dict[str, Policy]:
-        """Return each agent's policy as it is now, without exploration."""
+        """Return each agent's present policy, without exploration."""
         seen, acts = self.rollout.named()
         given = {}
         for i, agent in enumerate(self.rollout.agents):
@@ -300,7 +302,7 @@ class Training:
 
 
 def acting(task: Task | TeamTask, policies: Mapping[str, Policy]) -> Policies:
-    """Return policies as `evaluate` takes them: by agent of a team, else the only one."""
+    """Return policies in the form that `evaluate` expects: of a team by agent, else one policy."""
     if isinstance(task, TeamTask):
         return dict(policies)
     (only,) = policies.values()
@@ -308,7 +310,7 @@ def acting(task: Task | TeamTask, policies: Mapping[str, Policy]) -> Policies:
 
 
 def _has_learned(curves: Path) -> bool:
-    """Return whether there are curves that go beyond the start."""
+    """Return whether a file of evaluations has rows after step 0."""
     try:
         rows = list(csv.DictReader(io.StringIO(curves.read_text(encoding="utf-8"))))
         return any(float(row.get("step") or 0) > 0 for row in rows)
@@ -326,13 +328,13 @@ def _write_csv(path: Path, rows: list[dict[str, float]]) -> None:
         writer.writerows(rows)
 
 
-BEFORE = ("samples", "warm_up", "batch")  # environment steps without an update
+BEFORE = ("samples", "warm_up", "batch")  # settings: environment steps before the first update
 
 
 def taught_nothing(settings: Mapping[str, float], steps: int, updates: int | None) -> str | None:
-    """Return the reason why no actor was updated; None if one was, or if `updates` is unknown.
+    """Return the reason if no actor was updated, else None, also if `updates` is unknown.
 
-    `settings` are a learner's; it made `updates` updates in `steps` environment steps.
+    `settings` are those of the learner, which made `updates` updates in `steps` environment steps.
     """
     if updates is None:
         return None

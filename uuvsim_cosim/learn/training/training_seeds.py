@@ -1,4 +1,4 @@
-"""Separate ranges of seeds: for training, for evaluation while training, for final judgement."""
+"""Separate ranges of seeds: for training, for evaluation during training, for final judgement."""
 
 from __future__ import annotations
 
@@ -11,8 +11,9 @@ TRAINED = 2**32  # the first seed of trainings
 
 
 def first_of_training(seed: int) -> int:
-    """Return the seed s of environment 0 of the training `seed`; environment i has s + i.
+    """Return the seed s of environment 0 of the training with `seed`; environment i has s + i.
 
-    No two trainings share a seed, and none is a seed of evaluations and judgements.
+    Trainings with different seeds share no environment's seed, and use no seed of an evaluation or
+    a judgement.
     """
     return TRAINED + MOST_ENVS * seed

@@ -1,8 +1,9 @@
-"""The battery: open-circuit voltage over charge, an inner resistance, and what has been used.
+"""The battery: open-circuit voltage over charge, an inner resistance, and the delivered energy.
 
     dV/dt = (OCV(soc) - R_i I - V) / T_V,   dsoc/dt = -I / Q,   dE/dt = V I
 
-The terminal voltage V is a state, so that no algebraic loop arises with what draws the current.
+The terminal voltage V is a state, so that no algebraic loop arises with the consumers of the
+current.
 """
 
 from __future__ import annotations

@@ -2,11 +2,13 @@
 
 Faults are tunable parameters, so that a scenario, a tool or a script can change them at run time:
 
-    stuck       1 holds the command that the actuator has (as far as it went), 0 lets it follow
-    health      factor of the thrust: 1 whole, 0.4 weak, 0 lost, -1 wired the wrong way round
-    entangled   share of the speed that a line around the shaft takes; the power is still drawn
+    stuck       1: the actuator holds the command that it has reached; 0: it follows the command
+    health      factor of the thrust: 1 healthy, 0.4 weak, 0 lost, -1 wired with wrong polarity
+    entangled   share of the shaft speed lost to a line around the shaft; the power is still drawn
 
-Limits and `stuck` are of a servo state c in the command's unit:  dc/dt = ±rate held (u - c) / T_u.
+Limits and `stuck` act on a servo state c in the command's unit,
+
+    dc/dt = clip((u - c) / T_u, ±rate).
 """
 
 from __future__ import annotations

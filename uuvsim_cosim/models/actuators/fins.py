@@ -1,28 +1,29 @@
-"""Fins: servos turn them, and the flow at each makes lift and drag, from any side.
+"""Fins: servos turn them, and the flow at each fin makes lift and drag at any angle of attack.
 
-A fin at r turns about its hinge a by delta (right-handed). Its chord c and normal n are those of
-delta = 0 turned; the flow there is  v = v_r + omega x r,  of which  A = v·c,  B = v·n  matter:
+A fin at r turns about its hinge a by the angle delta (right-handed), and with it its chord c and
+its normal n. The flow at the fin is  v = v_r + omega x r,  with the components  A = v·c,  B = v·n:
 
     V² = A² + B²,   sin(alpha) = B / V,   s = sin(alpha) held within ±sin(alpha_stall)
     lift = 1/2 rho S C_L_alpha s A   across the flow, along  (B c - A n)
     drag = 1/2 rho S (C_D_0 + C_D_n sin²(alpha)) V   against it, along  -(A c + B n)
 
-so lift does no work, vanishes broadside (A = 0), changes sign with the side that is met and is as
-large astern as ahead; beyond the stall it stops growing. Drag only brakes. Where a hull's own
-coefficients hold what its fins do at delta = 0, that is taken off, and only steering remains.
+Lift does no work, vanishes broadside (A = 0), changes its sign with B, and is as large astern as
+ahead; beyond the stall angle it does not grow. Drag only brakes. If a hull's own coefficients
+include its fins at delta = 0, that part is subtracted, and only the effect of steering remains.
 
-Options, off by default: `limits` holds the rate of each servo, `faults` gives each fin `stuck` (1:
-it stays where it is) and `health` (factor of what turning it adds: 0 lost), tunable at run time.
+Options, off by default: `limits` bounds the rate of each servo. `faults` gives each fin the
+parameters `stuck` (1: the fin keeps its angle) and `health` (factor of the effect of its
+deflection; 0: none), which are tunable at run time.
 
-form="derivatives" takes control derivatives as printed, products of velocities, deflections and
-of the slipstream:
+form="derivatives" uses control derivatives as they are published: products of velocities,
+deflections and the slipstream factor epsilon,
 
     force = sum over terms of  value · (two of u v w p q r) · (deflections) · epsilon
     epsilon = (sqrt(1 + C_t |eta| eta) - 1) / (sqrt(1 + C_t) - 1) - 1,   eta = k_u n / u
 
-epsilon is 0 where the propeller drives the hull at its steady speed, more where it pushes harder
-(Healey and Lienard 1993, IEEE J. Oceanic Eng. 18(3), 327-339). Such sums are fits for motion ahead;
-lift and drag as above hold at any angle and astern, but know no slipstream.
+epsilon is 0 at the steady speed that belongs to the propeller's speed, and greater if the propeller
+pushes harder (Healey and Lienard 1993, IEEE J. Oceanic Eng. 18(3), 327-339). These sums are fits
+for motion ahead. Lift and drag as above are valid at any angle and astern, but have no slipstream.
 """
 
 from __future__ import annotations

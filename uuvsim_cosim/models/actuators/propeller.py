@@ -5,18 +5,18 @@
 
 (Fossen 2021, 2nd ed., chapter 9: K_T and K_Q linear in the advance ratio J = 2 pi V_a / (n D)).
 With T_nV = 0 it is bollard pull. w is the wake fraction, t the thrust deduction: the propeller
-lowers the pressure at the stern. The torque that the hull takes is -torque about e, for a propeller
-that turns right-handed about e when it pushes ahead; `Q_nn` is negative for the other hand, and
-zero for a pair that turns against each other.
+lowers the pressure at the stern. The torque on the hull is -torque about e, for a propeller that
+turns right-handed about e when it pushes ahead; `Q_nn` is negative for a left-handed propeller, and
+zero for a contra-rotating pair.
 
-Options, off by default: `limits` and `faults` (faults.py), and `ventilation`: of thrust and torque
-is left, with the propeller's middle at the depth h and its radius R,
+Options, off by default: `limits` and `faults` (faults.py), and `ventilation`. With the centre of
+the propeller at the depth h, and its radius R, ventilation multiplies thrust and torque by
 
     0 below h/R = -0.48,   1 - 0.675 (1 - 0.769 h/R)^1.258,   1 above h/R = 1.3
 
 (attributed to Minsaas, Faltinsen and Persson 1983, in Smogeli 2006, Control of Marine Propellers.
-The four figures were not checked against either; what speaks for them is that the curve meets 0 and
-1 at its two ends within 0.003).
+The four figures were not checked against either source; the curve meets 0 and 1 at its two ends
+within 0.003).
 """
 
 from __future__ import annotations

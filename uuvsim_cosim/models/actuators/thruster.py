@@ -48,6 +48,7 @@ __all__ = [
 
 SHAFTS = ("first", "second", "third", "yoerger", "bessa")
 
+FULL_PACK = 16.8  # V, four lithium-ion cells at 4.2 V
 _ASSUMED = "assumption, a T200 at 16 V"
 _PAIR = "the complex pair of von Benzon et al. (2022)"
 
@@ -116,24 +117,29 @@ def thruster_t200(
     limits: bool | str = False,
     faults: bool | str = False,
     scale: bool | str = False,
+    bench: str = "t200",
 ) -> Model:
-    """Blue Robotics T200 from its bench rows at 12 and 16 V, linear between rows and voltages.
+    """Blue Robotics T200 from its bench rows, linear between rows and voltages.
 
     dn/dt = (n_d(u, voltage) - n) / T_n,  thrust = f(n, voltage),  current = i(u, voltage).
     In steady state each bench row comes back exactly; the dead band is that of the rows. With
-    `scale` the thrust is k_T f(n, voltage), as of a propeller in a cage or a worn one. Voltages
-    outside the bench's range count as its edge.
+    `scale` the thrust is k_T f(n, voltage), as of a propeller in a cage or a worn one.
+
+    `bench` names the rows in models/thrusters: `t200` at 12 and 16 V, `t200_10_20v` at six
+    voltages from 10 to 20 V. Above 16 V, up to the 16.8 V of a full pack of four cells, `t200`
+    uses its rows at 16 V. A voltage above that is refused where it is set. Below the lowest rows,
+    these are used. If a battery exceeds the range during a run, the run reports it.
     """
-    bench = read_bench("t200")
+    rows = read_bench(bench)
     m = Model("thruster_t200", "Blue Robotics T200 thruster from bench rows", h_max=0.01)
-    u, voltage = _inputs(m)
-    T_n = _time_constant(m, bench.T_n) if shaft == "first" else None
-    u_grid, n_rows = bench.over_u(bench.n)
-    _, current_rows = bench.over_u(bench.current)
-    n_grid, thrust_rows = bench.thrust_over_n()
-    n_d = table2(list(u_grid), bench.voltage, n_rows.tolist())
-    current = table2(list(u_grid), bench.voltage, current_rows.tolist())
-    thrust = table2(list(n_grid), bench.voltage, thrust_rows.tolist())
+    u, voltage = _inputs(m, rows.voltage)
+    T_n = _time_constant(m, rows.T_n) if shaft == "first" else None
+    u_grid, n_rows = rows.over_u(rows.n)
+    _, current_rows = rows.over_u(rows.current)
+    n_grid, thrust_rows = rows.thrust_over_n()
+    n_d = table2(list(u_grid), rows.voltage, n_rows.tolist())
+    current = table2(list(u_grid), rows.voltage, current_rows.tolist())
+    thrust = table2(list(n_grid), rows.voltage, thrust_rows.tolist())
     f = thruster_faults_of(m, faults)
     c = _command(m, u, dead_band, limits, f, saturated=True)
     n = _shaft_speed(m, shaft, (1.0 - f.entangled) * n_d(c, voltage), T_n)
@@ -172,9 +178,17 @@ def _command(
     return ca.if_else(beyond > 0.0, ca.sign(u) * beyond / (1.0 - u_0), 0.0)
 
 
-def _inputs(m: Model) -> tuple[ca.SX, ca.SX]:
+def _inputs(m: Model, volts: tuple[float, ...] = ()) -> tuple[ca.SX, ca.SX]:
+    """Declare command and supply; `volts` [V] are the voltages at which the rows were measured.
+
+    The rows at 16 V also stand for a full pack of four cells, 16.8 V, if there are none above.
+    """
     u = m.input("u", unit="1", min=-1, max=1, description="command; (pwm - 1500 us) / 400 us")
-    voltage = m.input("voltage", unit="V", start=16.0, description="of the supply")
+    # Tools such as FMPy set every input to 0 before the first step, so 0 V is accepted.
+    low, high = (0.0, max(volts[-1], FULL_PACK)) if volts else (None, None)
+    voltage = m.input(
+        "voltage", unit="V", start=16.0, min=low, max=high, description="of the supply"
+    )
     m.input("nu_r", 6, unit=NU, description="unused: thrust is bollard pull")
     return u, voltage
 

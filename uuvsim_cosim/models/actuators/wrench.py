@@ -5,7 +5,7 @@ from __future__ import annotations
 import casadi as ca
 
 from uuvsim_cosim.models.actuators.thruster_geometry import thruster_geometry
-from uuvsim_cosim.models.declaration.model import Model
+from uuvsim_cosim.models.declaration.model import Model, is_on
 from uuvsim_cosim.models.declaration.vectors import TAU
 
 __all__ = ["wrench"]
@@ -14,7 +14,7 @@ __all__ = ["wrench"]
 def wrench(vehicle: str = "bluerov2_heavy", contact: bool | str = False) -> Model:
     """Declare  tau = sum_i (e_i, r_i x e_i) thrust_i  about CO in b, without reaction torques.
 
-    With `contact` there is an input of that name, a generalised force in b that is added.
+    With `contact`, the input of that name is a generalised force in b that is added.
     """
     geometry = thruster_geometry(vehicle)
     n = len(geometry.names)
@@ -29,7 +29,7 @@ def wrench(vehicle: str = "bluerov2_heavy", contact: bool | str = False) -> Mode
         ca.horzcat(*(ca.vertcat(e[i, :].T, ca.cross(r[i, :].T, e[i, :].T)) for i in range(n))),
     )
     tau = ca.mtimes(T, thrust)
-    if contact not in (False, "false", "False", "0"):
+    if is_on("contact", contact):
         tau += m.input("contact", 6, unit=TAU, description="of walls and floor, about CO in b")
     m.output("tau", tau, unit=TAU, description="X Y Z [N], K M N [N.m] in b")
     m.output("current_total", ca.sum1(current), unit="A", description="of all thrusters")

@@ -1,8 +1,8 @@
 """A declaration linearised at a point, as a `control.StateSpace` whose signals have names.
 
 Continuous states:  dx/dt = A x + B u,  y = C x + D u  (deviations from the point), exact
-derivatives by CasADi. A sampled law alone (a controller) becomes its discrete-time model, in
-which y[k] is what the tick at k·T makes of u[k].
+derivatives by CasADi. A sampled law alone (a controller) becomes a discrete-time model, in which
+y[k] is the output of the tick at k·T for the input u[k].
 """
 
 from __future__ import annotations

@@ -14,6 +14,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -77,13 +78,16 @@ def _unknown(kind: str, name: str, known: list[str]) -> str:
 
 
 class Coordinates:
-    """Names and functions of a model's states, inputs and outputs, by element.
+    """Names and functions of a model's states, inputs and outputs, by element, at time `t`.
 
     States are the continuous ones, or the discrete ones of a model that has a clock.
     """
 
-    def __init__(self, model: Model, parameters: Mapping[str, ArrayLike] | None = None) -> None:
+    def __init__(
+        self, model: Model, parameters: Mapping[str, ArrayLike] | None = None, t: Any = 0.0
+    ) -> None:
         self.model = model
+        self.t = t  # s, a number or a symbol
         self._f = f = Evaluation(model)
         self.p = f.values_of("parameter", parameters or {})
         self.d = np.array(f.derived(self.p)).ravel()
@@ -111,10 +115,10 @@ class Coordinates:
         p, d, z = (ca.SX(ca.DM(v)) if len(v) else none for v in (self.p, self.d, self.z))
         if self.model.clocks:
             w = ca.SX.zeros(sum(draw.numel() for draw in self.model.clocks[0].draws))
-            new = self._f.updates[0].call([0.0, u, p, d, none, x, w], True, False)[0]
-            return x, u, new, self._f.outputs.call([0.0, u, p, d, none, new], True, False)[0]
-        rates = self._f.rhs.call([0.0, u, p, d, full, z], True, False)[0]
-        y = self._f.outputs.call([0.0, u, p, d, full, z], True, False)[0]
+            new = self._f.updates[0].call([self.t, u, p, d, none, x, w], True, False)[0]
+            return x, u, new, self._f.outputs.call([self.t, u, p, d, none, new], True, False)[0]
+        rates = self._f.rhs.call([self.t, u, p, d, full, z], True, False)[0]
+        y = self._f.outputs.call([self.t, u, p, d, full, z], True, False)[0]
         if self.hull:
             rates = ca.vertcat(rates[:3], ca.mtimes(T_zyx(x[3], x[4]), x[9:12]), rates[7:])
         return x, u, rates, y

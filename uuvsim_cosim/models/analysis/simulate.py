@@ -50,12 +50,27 @@ def simulate(
     parameters: Mapping[str, ArrayLike] | None = None,
     draws: Draws = normals,
 ) -> Trajectory:
-    """Integrate by RK4 in steps of at most h, from 0 to `until`, or through the times `at`.
+    """Integrate a `model` by RK4 in steps of at most `h` [s], from 0 to `until` [s], in CasADi.
 
-    Values are given at each multiple of h, or at the times `at`. `tau` and `inputs` are
-    constants or functions of time [s]; an input that is not named keeps its start value.
-    A clock's ticks cut the integration; its updates see the values before the tick.
-    Angles phi and psi of `eta` are in [-pi, pi], theta in [-pi/2, pi/2]: compare them modulo 2 pi.
+    The result has outputs and states by name, (n,) or (n, size), and times ``t`` (n,): each
+    multiple of `h`, or the times `at` [s] if they are given instead of `until`. `inputs` by name
+    (and `tau`, short for the input ``tau``) are constants or functions of time [s]; an input that
+    is not named keeps its start value. `parameters` are values by name. ``draws(seed, clock,
+    sample, size)`` returns the normal draws of a clock, by default those of every other backend.
+    Angles phi and psi of ``eta`` are in [-pi, pi], theta in [-pi/2, pi/2]: compare them modulo 2
+    pi.
+
+    Raises ParameterInvalid for a value that does not fit, ComponentFailed if a value is not finite.
+
+    Example:
+
+    >>> import uuvsim_cosim as uuv
+    >>> hull = uuv.declare("sphere")
+    >>> pushed = uuv.simulate(hull, until=2.0, h=0.01, tau=[10.0, 0, 0, 0, 0, 0])  # 10 N forward
+    >>> pushed.t.shape, pushed["eta"].shape
+    ((201,), (201, 6))
+    >>> f"{pushed['nu'][-1, 0]:.2f} m/s"
+    '0.34 m/s'
     """
     if (until is None) == (at is None) or not h > 0:
         raise ParameterInvalid(

@@ -1,8 +1,8 @@
-"""Trim: the states and inputs at which a model stays as it is.
+"""Trim: the states and inputs at which a model is in equilibrium.
 
-Of  0 = f(x, u)  those elements of x and u are unknown that are neither given nor start values
-that nothing depends on. A hull may go on: the rates of N, E and psi are left free, so that a
-speed or a steady turn can be asked for.
+In  0 = f(x, u),  the unknowns are the elements of x and u that are not given, except those on which
+no equation depends. A hull may move: the rates of N, E and psi are free, so that trim can be
+computed for a speed or a steady turn.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Actuators against what is printed of them: rows of a bench, derivatives of fins."""
+"""Actuators against published data: bench rows of thrusters, derivatives of fins."""
 
 from __future__ import annotations
 

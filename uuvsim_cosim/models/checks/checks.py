@@ -58,7 +58,7 @@ COMPARISONS = (
 
 
 def every_check(groups: Collection[str] = ()) -> Iterator[Checked]:
-    """Run everything, or what is of these groups: functions, components, then the vehicles."""
+    """Run all checks, or those of these groups: functions, components, then vehicles."""
     ids = vehicle_ids()
     for owner in dict.fromkeys(owner for _, owner, _ in COMPARISONS if owner not in ids):
         yield from _of(owner, None, groups)

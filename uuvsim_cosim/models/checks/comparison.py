@@ -29,7 +29,7 @@ GROUPS: dict[str, str] = {
     "lrauv": "system tests of the Tethys-class LRAUV",
     "mss": "Fossen's Marine Systems Simulator, evaluated by GNU Octave",
     "prestero": "Prestero (2001), REMUS",
-    "published": "what a vehicle's own folder lists",
+    "published": "checks that a vehicle's own folder lists",
     "typed_again": "the equations typed again from the numbers alone, integrated by DOP853",
     "uuv_simulator": "uuv_simulator's Python and its own tests",
 }

@@ -43,7 +43,7 @@ def trajectories() -> Iterator[Checked]:
         ours, his = _run(f"pvs_remus100_{name}_converged.csv", current)
         off = ours - his
         off[:, 3:6] = np.remainder(off[:, 3:6] + np.pi, 2 * np.pi) - np.pi
-        yield EQUAL(f"{what}, his choices taken", off, np.zeros_like(off), 1e-6)
+        yield EQUAL(f"{what}, with his choices", off, np.zeros_like(off), 1e-6)
     inputs: dict[str, ArrayLike] = {"u": 1.0, "nu_r": [2.5536, 0, 0, 0, 0, 0]}
     pushed = end_of(declare("propeller", vehicle="remus100"), 20.0, 0.02, inputs)
     drag = parameter_set("remus100", "fossen_2021").quantities["D_q_11"].value * 2.5536**2

@@ -21,7 +21,7 @@ __all__ = ["matrices", "others", "rotations"]
 
 ANGLES = (0.1, -0.2, 0.5)
 EQUAL = partial(compared, "mss", "")
-STATIONS = "MSS sums 21 stations for 20 strips: as much more drag as the extra one adds"
+STATIONS = "MSS sums 21 stations for 20 strips: the extra station adds this drag"
 
 
 def rotations() -> Iterator[Checked]:
@@ -92,7 +92,7 @@ def others() -> Iterator[Checked]:
     exact = np.trapezoid(stations, x, axis=1) * k
     what = "crossFlowDrag in one plane, its end stations counted by half"
     yield EQUAL(what, ours, exact, 0.01, relative=True)
-    what = "crossFlowDrag in one plane, as it is"
+    what = "crossFlowDrag in one plane, unchanged"
     yield EQUAL(what, ours, theirs, 0.01, relative=True, known=STATIONS)
     for J in (0.2, 0.4):
         line = 0.4566 + (0.1798 - 0.4566) / 0.6632 * J

@@ -1,7 +1,8 @@
 """The NPS AUV against npsauv.m of MSS: mass, hull, planes, propeller and acceleration.
 
-Its right-hand side is typed here in its own order, so that what differs can be set right one by
-one: two signs against Newton's law, strips of eleven stations, eta by the speed over ground.
+The right-hand side of npsauv.m is written here in its own order, so that each difference can be
+corrected separately: two signs against Newton's law, strips of eleven stations, eta by the speed
+over ground.
 """
 
 from __future__ import annotations
@@ -33,7 +34,7 @@ EQUAL = partial(compared, "mss", ADDRESS)
 
 
 def npsauv() -> Iterator[Checked]:
-    """Yield every comparison with npsauv.m: first as it is, then with what is known set right."""
+    """Yield every comparison with npsauv.m: unchanged, then with known differences corrected."""
     mss = reference_values("mss_values.yaml")
     case = mss["npsauv_xdot_test_state"]
     nu, published = np.array(mss["nu_test"], dtype=float), mss["npsauv_xdot_at_test_state"][0][:6]
@@ -49,15 +50,15 @@ def npsauv() -> Iterator[Checked]:
     force[3:] += W * np.cross([0, 0, 0.061], down)
     typed = np.linalg.solve(np.array(mss["npsauv_M_total"], dtype=float), force)
     typed = typed + np.array([nu[5] * V_C[1], -nu[5] * V_C[0], 0, 0, 0, 0])
-    yield EQUAL("what is compared with is what npsauv.m computes", typed, published, 1e-9)
+    yield EQUAL("the comparison is with the results of npsauv.m", typed, published, 1e-9)
     yield EQUAL("M", M, mss["npsauv_M_total"], 1e-9, relative=True)
     for text, v in (("", nu), (" in a current", nu_r)):
         ours = force_of_hull(model, M, v)
         theirs = mss_force(v) - _strips(v)
         what = f"force of the hull without strips{text}"
-        yield EQUAL(f"{what}, as it is", ours, theirs, 1e-8, relative=True, known=SIGNS)
+        yield EQUAL(f"{what}, unchanged", ours, theirs, 1e-8, relative=True, known=SIGNS)
         right = theirs + sign_errors(v)
-        yield EQUAL(f"{what}, two signs set right", ours, right, 1e-8, relative=True)
+        yield EQUAL(f"{what}, two signs corrected", ours, right, 1e-8, relative=True)
     yield EQUAL("force of the strips", _strips(nu), -mss_strips(nu), 0.01, relative=True,
                 known=STRIPS)  # fmt: skip
     for rpm in (800.0, 1500.0):
@@ -88,8 +89,8 @@ def npsauv() -> Iterator[Checked]:
     right = np.array(published) + np.linalg.solve(M, known) + [*turned, 0, 0, 0]
     what = "acceleration in a current"
     four = f"{SIGNS}; {STRIPS}; it turns the current by yaw alone"
-    yield EQUAL(f"{what}, as it is", run["nu_dot"][0], published, 1e-8, known=four)
-    yield EQUAL(f"{what}, these differences set right", run["nu_dot"][0], right, 1e-8)
+    yield EQUAL(f"{what}, unchanged", run["nu_dot"][0], published, 1e-8, known=four)
+    yield EQUAL(f"{what}, these differences corrected", run["nu_dot"][0], right, 1e-8)
 
 
 def force_of_hull(model: Any, M: Array, nu_r: Array) -> Array:

@@ -1,6 +1,7 @@
-"""REMUS 100: every coefficient that Prestero's thesis lists, out of the equations that we simulate.
+"""REMUS 100: every coefficient that Prestero's thesis lists, from the equations that are simulated.
 
-Combined coefficients too: Munk moment, body lift, fins and strips must add up to what is printed.
+This includes combined coefficients: Munk moment, body lift, fins and strips must add up to the
+published value.
 """
 
 from __future__ import annotations

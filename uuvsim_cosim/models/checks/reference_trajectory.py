@@ -2,10 +2,10 @@
 
 The file has `#` lines, then a header: t_s, N_m E_m D_m phi_rad theta_rad psi_rad, u_mps v_mps
 w_mps p_rps q_rps r_rps, and optionally X_N Y_N Z_N K_Nm M_Nm N_Nm, the generalised force about
-CO. The first row is the initial state. Between rows the force is what `Signal` makes of its
-column; a `#` line with "zero-order hold" (or "zoh") says instead that it is held. A current may
-stand beside it, in n: vc_N_mps vc_E_mps vc_D_mps, held from row to row. A `#` line with "no
-surface" compares the hull as submerged at any depth.
+CO. The first row is the initial state. Between rows the force is interpolated by `Signal`; with a
+`#` line that contains "zero-order hold" (or "zoh"), it is held. The file may also have a current in
+n: vc_N_mps vc_E_mps vc_D_mps, held from row to row. With a `#` line that contains "no surface", the
+hull is submerged at any depth.
 """
 
 from __future__ import annotations

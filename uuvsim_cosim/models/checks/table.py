@@ -1,6 +1,6 @@
 """Tables of docs/trust.md, made from the rows that `uuvsim models check` prints.
 
-Write them anew: python -c "from uuvsim_cosim.models.checks.table import write; write()".
+To write them again: python -c "from uuvsim_cosim.models.checks.table import write; write()".
 """
 
 from __future__ import annotations
@@ -33,7 +33,8 @@ def tables(rows: Iterable[Checked]) -> str:
     others = sorted((c for c in done if c.what not in FORMS), key=lambda c: c.group)
     kept, known = (sum(c.verdict == v for c in done) for v in ("holds", "known"))
     lines = [
-        f"{len(done)} comparisons: {kept} hold, of {known} the cause is known and named"
+        f"{len(done)} comparisons: {kept} hold; for {known}, the cause of the difference is known "
+        + "and stated"
         + (f", {len(done) - kept - known} FAIL." if kept + known < len(done) else "."),
         "",
         "| source | vehicle | quantity | difference | tolerance | verdict |",
@@ -47,7 +48,7 @@ def tables(rows: Iterable[Checked]) -> str:
     heads, numbers = list(FORMS), {(c.address, c.what): c for c in forms}
     lines += [
         "",
-        "Closed forms by a set's own numbers, 0 where they hold exactly:",
+        "Closed forms, evaluated with the numbers of each set; 0 if they hold exactly:",
         "",
         f"| vehicle | {' | '.join(FORMS.values())} |",
         "|---" * (len(heads) + 1) + "|",
@@ -59,13 +60,13 @@ def tables(rows: Iterable[Checked]) -> str:
         ]
         lines.append(f"| {address} | {' | '.join(texts)} |")
     limits = ", ".join(f"{FORMS[h]} {numbers[forms[0].address, h].tolerance:g}" for h in heads)
-    lines += ["", f"At most: {limits}.", "", "| known difference | cause |", "|---|---|"]
+    lines += ["", f"Tolerances: {limits}.", "", "| known difference | cause |", "|---|---|"]
     lines += [
         f"| {c.address or c.group}: {_plain(c.what)} | {_plain(c.known)} |"
         for c in done
         if c.verdict == "known"
     ]
-    lines += ["", "| source | which |", "|---|---|"]
+    lines += ["", "| source | description |", "|---|---|"]
     lines += [f"| {g} | {GROUPS[g]} |" for g in sorted({c.group for c in done} & set(GROUPS))]
     return "\n".join(lines)
 

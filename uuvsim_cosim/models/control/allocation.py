@@ -4,9 +4,10 @@
 
     f = W T' (T W T' + epsilon I)^-1 tau,   W = diag(health),   u_i = thrust curve^-1 (f_i)
 
-minimises f' W^-1 f (Fossen 2021, 2nd ed., section 11.2.2). A thruster of health 0 gets nothing;
-epsilon, 1e-9 of the force terms, keeps what the others cannot make from blowing up. Where one
-thrust exceeds its limit, all are scaled by one factor, so that tau keeps its direction.
+minimises f' W^-1 f (Fossen 2021, 2nd ed., section 11.2.2). A thruster with health 0 gets no thrust.
+epsilon, 1e-9 of the force terms, keeps thrusts bounded if the other thrusters cannot make a
+component of tau. If one thrust exceeds its limit, all are scaled by one factor, so that tau keeps
+its direction.
 
 `allocation_qp`: a quadratic programme, the nearest force within the limits of the thrusters,
 
@@ -14,18 +15,18 @@ thrust exceeds its limit, all are scaled by one factor, so that tau keeps its di
     such that      -h_i f_min <= f_i <= h_i f_max
 
 with W = diag(weight) and h the health (Fossen 2021, 2nd ed., chapter 11: constrained allocation).
-Where `allocation` scales all thrusts by one factor, this one lets a saturated or lost thruster's
-share go to the others. It begins at the pseudo-inverse and descends along one thrust after the
-other, `sweeps` times, each a little beyond its best (by 1.3): every step lowers the cost, so that
-it can be stopped anywhere. Five sweeps miss the exact force by 0.1 % on average, 1.2 % at worst.
+`allocation` scales all thrusts by one factor; this method distributes the share of a saturated or
+lost thruster to the others. It starts at the pseudo-inverse and minimises over one thrust after the
+other, `sweeps` times, with overrelaxation by 1.3. Every step lowers the cost, so it can stop at any
+step. Five sweeps miss the exact force by 0.1 % on average and by 1.2 % at worst.
 
-`allocation_quadratic`: a fixed pseudo-inverse to thrusters of quadratic thrust, few operations,
+`allocation_quadratic`: a fixed pseudo-inverse for thrusters with quadratic thrust, few operations,
 
     f = T^+ tau,   T^+ = T' (T T')^-1,   u_i = sign(f_i) sqrt(|f_i| / f_max)
 
-as `allocation` with every thruster whole, and a thrust curve without a dead band. T^+ depends on
-parameters alone. Where one thrust exceeds f_max, all are scaled by one factor. Below 1e-3 of f_max
-the curve is a line: the root's slope at 0 is infinite.
+like `allocation` with healthy thrusters and a thrust curve without a dead band. T^+ depends on
+parameters alone. If one thrust exceeds f_max, all are scaled by one factor. Below 1e-3 of f_max the
+curve is a line, because the slope of the root at 0 is infinite.
 """
 
 from __future__ import annotations

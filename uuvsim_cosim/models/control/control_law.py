@@ -176,7 +176,7 @@ def attitude_error(eta: ca.SX, eta_d: ca.SX) -> ca.SX:
 
 
 def law(m: Model, p: Preset, period: str) -> Loop:
-    """Declare the connectors of a controller, its clock and tau_max; give what a law needs."""
+    """Declare the connectors of a controller, its clock and tau_max; return the inputs of a law."""
     eta_d, nu_d, eta, nu = loop_inputs(m)
     tau_max = p.parameter(m, "tau_max", TAU, "limit of tau_d", 6, min=0)
     T_ff = p.parameter(m, "T_ff", "s", "lag of dnu_d/dt", min=1e-3)

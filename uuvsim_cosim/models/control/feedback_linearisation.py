@@ -4,8 +4,9 @@
     a   = dnu_b/dt + 2 zeta omega de/dt + omega² e,     dz/dt = M omega³/10 e
 
 so that d²e/dt² + 2 zeta omega de/dt + omega² e = 0 for the nominal hull (Fossen 2021, 2nd ed.,
-chapter 16, section not checked; in manipulators, computed torque). z learns what the nominal hull
-does not know, in n, by Fossen's rule of a tenth of the bandwidth (as in his MSS, SIMnpsauv.m).
+chapter 16, section not checked; for manipulators: computed torque). The integral z, in n, estimates
+the force that the nominal hull does not model, by Fossen's rule of a tenth of the bandwidth (as in
+his MSS, SIMnpsauv.m).
 """
 
 from __future__ import annotations

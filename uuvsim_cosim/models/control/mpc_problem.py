@@ -6,12 +6,13 @@ x_{k+1} by one RK4 step of length h, single shooting over N steps:
     min over tau_1 … tau_N of  sum |Q^1/2 (x_k - x_d,k)|² + |S^1/2 (tau_k - tau_{k-1})|²
     such that  |tau_k| <= tau_max
 
-x_d,k goes on from eta_d with the wanted velocity nu_d. Nothing is paid for a steady force, so none
-is missed at rest. This is a real-time iteration: Gauss-Newton steps from the last solution
+x_d,k continues from eta_d with the wanted velocity nu_d. A steady force costs nothing, so there is
+no steady error at rest. This is a real-time iteration: Gauss-Newton steps from the last solution
 (Rawlings, Mayne and Diehl 2017, chapter 8; not checked against the book).
 
-Each piece (the hull's rates, a step, an error, and the Jacobian of each) is a function that the
-next one calls and none inlines; Jacobians are chained from step to step. So the C stays small.
+Each part (the hull's rates, a step, an error, and the Jacobian of each) is a function that is
+called and not inlined, and Jacobians are chained from step to step. The generated C code therefore
+stays small.
 """
 
 from __future__ import annotations

@@ -3,9 +3,9 @@
     s    = nu_b - nu + 2 lambda e + lambda² z,   dz/dt = e         (z in n, its angles in b)
     tau  = M dnu_v/dt + C(nu) nu_v + D(nu) nu_v + g(eta) + K_d s + K_s tanh(s / phi),  nu_v = nu + s
 
-On s = 0 the error dies with the bandwidth lambda whatever the hull; s'Ms/2 falls as long as what
-the nominal hull does not know stays below K_s (Fossen 2021, 2nd ed., chapter 16). tanh with
-the boundary layer phi takes the place of the sign, and with it chattering away.
+On s = 0 the error decays with the bandwidth lambda for any hull. s'Ms/2 falls as long as the force
+that the nominal hull does not model is smaller than K_s (Fossen 2021, 2nd ed., chapter 16). tanh
+with the boundary layer phi replaces the sign function and avoids chattering.
 """
 
 from __future__ import annotations

@@ -148,7 +148,7 @@ def missing(names: Collection[str], surface: bool = True) -> Iterator[str]:
     if surface and "height" not in names:
         yield "height is missing; expected the hull's height, or a hull declared without surface"
     if any(n.startswith("D_f_") for n in names) != ("U_f" in names):
-        yield "D_f and U_f do not both stand there; expected the damping that fades, and its speed"
+        yield "D_f and U_f must be given together; expected the damping that fades, and its speed"
 
 
 _ELSEWHERE = {
@@ -180,4 +180,4 @@ def near_names(name: str) -> str:
         every += [f"{kind}_{i}{j}" for i in range(1, 7) for j in range(1, 7)]
     known = [n for n in every if meaning_of(n) is not None]
     near = get_close_matches(name, known, n=4, cutoff=0.6)
-    return ", ".join(near) + " (near)" if near else "m, W, z_g, M_A_11, ..."
+    return "one such as " + ", ".join(near) if near else "m, W, z_g, M_A_11, ..."

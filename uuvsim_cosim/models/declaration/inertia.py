@@ -119,5 +119,5 @@ def _indefinite(
     yield (
         place,
         f"{what} ({name}) has the eigenvalue {values[0]:.3g} (relative); expected a "
-        "positive definite matrix: no negative diagonal, and off-diagonals that it bears",
+        "positive definite matrix: no negative diagonal, and off-diagonals that are small enough",
     )

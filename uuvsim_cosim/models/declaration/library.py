@@ -8,11 +8,11 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from importlib import import_module
 from inspect import Parameter, signature
-from typing import Any
+from typing import TYPE_CHECKING, Any
 from urllib.parse import parse_qsl, unquote
 
 from uuvsim_cosim.errors import InputInvalid, UuvsimError
-from uuvsim_cosim.models.declaration.model import Model
+from uuvsim_cosim.models.declaration.interruption import interruptible
 from uuvsim_cosim.models.declaration.near_names import did_you_mean
 from uuvsim_cosim.models.declaration.parameter_files import (
     is_vehicle,
@@ -21,6 +21,9 @@ from uuvsim_cosim.models.declaration.parameter_files import (
     vehicle_sets,
 )
 
+if TYPE_CHECKING:
+    from uuvsim_cosim.models.declaration.model import Model
+
 __all__ = ["ALIASES", "IN_PROCESS", "LIBRARY", "available", "declare", "declare_source"]
 
 LIBRARY: dict[str, str] = {
@@ -28,6 +31,7 @@ LIBRARY: dict[str, str] = {
     "allocation_qp": "uuvsim_cosim.models.control.allocation:allocation_qp",
     "allocation_quadratic": "uuvsim_cosim.models.control.allocation:allocation_quadratic",
     "altimeter": "uuvsim_cosim.models.sensors.altimeter:altimeter",
+    "autopilot": "uuvsim_cosim.models.control.autopilot:autopilot",
     "backstepping": "uuvsim_cosim.models.control.backstepping:backstepping",
     "ballast": "uuvsim_cosim.models.hull.ballast:ballast",
     "battery": "uuvsim_cosim.models.actuators.battery:battery",
@@ -45,7 +49,7 @@ LIBRARY: dict[str, str] = {
     ),
     "fins": "uuvsim_cosim.models.actuators.fins:fins",
     "gps": "uuvsim_cosim.models.sensors.gps:gps",
-    "guidance": "uuvsim_cosim.models.guidance.guidance:guidance",
+    "guidance": "uuvsim_cosim.models.guidance.line_of_sight:guidance",
     "helm": "uuvsim_cosim.models.guidance.helm:helm",
     "imu": "uuvsim_cosim.models.sensors.imu:imu",
     "lbl": "uuvsim_cosim.models.sensors.lbl:lbl",
@@ -101,15 +105,25 @@ def declare_source(text: str) -> Model:
 
 
 def declare(name: str, **options: Any) -> Model:
-    """Declare a component by name; options go to its function, e.g. ``set`` of a vehicle.
+    """Declare a component of the library by `name`, such as ``thruster``, ``remus100``.
 
-    ``imu@stim300`` is short for the component ``imu`` with the option ``id="stim300"``.
+    `options` are those of the component, for example the parameter ``set`` of a vehicle.
+    ``imu@stim300`` is short for the component ``imu`` with the option ``id="stim300"``. Raises
+    InputInvalid for a name or an option that does not exist.
 
-    Raises InputInvalid for a name or an option that does not exist.
+    Example:
+
+    >>> import uuvsim_cosim as uuv
+    >>> hull = uuv.declare("remus100", set="fossen_2021")
+    >>> hull.description
+    'Hull of remus100, parameter set fossen_2021'
+    >>> [(v.name, v.shape) for v in hull.of_kind("input")]
+    [('tau', (6,)), ('v_c', (3,))]
     """
     return _declared(name, options)
 
 
+@interruptible()
 def _declared(name: str, options: Mapping[str, Any]) -> Model:
     """Declare a component; an option may have any name, `name` included, and be refused."""
     id, published = split_address(name)
@@ -139,8 +153,8 @@ def _declared(name: str, options: Mapping[str, Any]) -> Model:
             raise
         given = ", ".join(f"{option}={value}" for option, value in options.items())
         raise InputInvalid(f"model {name!r} with {given}", error, "a number") from None
-    assert isinstance(model, Model)
-    return model
+    result: Model = model
+    return result
 
 
 def _wrong_option(

@@ -70,7 +70,42 @@ class Clock:
 
 
 class Model:
-    """A component under declaration; see the module's docstring for its semantics."""
+    """A component under declaration: variables with units, and the equations between them.
+
+    `name` names it, `description` is a text, `h_max` the longest step of RK4 [s]. Each method that
+    declares a variable `name` returns its CasADi symbol. The `shape` is () for a scalar, n for a
+    vector, (rows, columns) for a matrix. The `unit` is one for all elements, or one for each;
+    `start`, `min` and `max` are in it. `type` is Float64, Int32 or Boolean. A unit, a shape or a
+    name that does not fit raises ParameterInvalid.
+
+    Over a communication step from t to t + h, inputs are held and states follow `der` by RK4.
+    Each tick of a clock cuts the integration; its updates see the values before the tick. Outputs
+    are evaluated at the end of the step.
+
+    Example:
+
+    >>> import uuvsim_cosim as uuv
+    >>> m = uuv.Model("lag", "First-order lag")
+    >>> u = m.input("u", unit="V")
+    >>> T = m.parameter("T", 2.0, unit="s", min=0.01)
+    >>> y = m.state("y", unit="V")
+    >>> m.der(y, (u - y) / T)
+    >>> voltage = m.output("voltage", y, unit="V")
+    >>> [v.name for v in m.of_kind("input", "parameter")], m.starts()["T"]
+    (['u', 'T'], array([2.]))
+    >>> step = uuv.simulate(m, until=2.0, inputs={"u": 1.0})
+    >>> f"{step['voltage'][-1]:.3f} V"  # 1 - exp(-1)
+    '0.632 V'
+
+    Example: a sensor that samples ten times a second, with noise.
+
+    >>> m = uuv.Model("gauge", "Pressure gauge")
+    >>> p = m.input("p", unit="Pa")
+    >>> clock = m.clock("sample", "0.1")
+    >>> sample = m.discrete("sample", unit="Pa")
+    >>> m.update(clock, sample, p + 50.0 * m.normal(clock))  # standard deviation 50 Pa
+    >>> reading = m.output("reading", sample, unit="Pa", discrete=True)
+    """
 
     def __init__(self, name: str, description: str = "", h_max: float = 0.01) -> None:
         if not 0.0 < h_max < float("inf"):
@@ -98,7 +133,7 @@ class Model:
         type: Type = "Float64",
         description: str = "",
     ) -> ca.SX:
-        """Declare an input, held over each communication step."""
+        """Declare an input, held over each communication step; `start` if nothing feeds it."""
         variability = "continuous" if type == "Float64" else "discrete"
         return self._declare(
             name, "input", shape, unit, start, type, min, max, variability, description
@@ -117,7 +152,10 @@ class Model:
         tunable: bool = True,
         description: str = "",
     ) -> ca.SX:
-        """Declare a parameter; its shape is that of `value` unless given (matrices row by row)."""
+        """Declare a parameter; its `shape` is that of `value` unless given (matrices row by row).
+
+        A `tunable` parameter may change during a run.
+        """
         if shape is None:
             shape = np.shape(value)
         variability = "tunable" if tunable else "fixed"
@@ -126,7 +164,19 @@ class Model:
         )
 
     def derived(self, name: str, expression: ca.SX | Value) -> ca.SX:
-        """Declare a value that depends on parameters alone; zeros of it stay structural."""
+        """Declare a value that depends on parameters alone, by an `expression` of them.
+
+        It is computed when they change, not in each step. Zeros of it stay structural.
+
+        Example:
+
+        >>> import casadi as ca
+        >>> import uuvsim_cosim as uuv
+        >>> m = uuv.Model("body")
+        >>> M = m.parameter("M", [[30.0, 1.0], [1.0, 40.0]], unit="kg")
+        >>> m.derived("M_inv", ca.inv(M)).shape
+        (2, 2)
+        """
         expression = ca.SX(expression)
         symbol = ca.SX.sym(name, expression.sparsity())
         shape = (int(expression.nnz()),)
@@ -162,7 +212,10 @@ class Model:
         )
 
     def clock(self, name: str, period: Fraction | str | float) -> Clock:
-        """Declare a sample clock; a float period is read as its shortest decimal form."""
+        """Declare a sample clock that ticks at each multiple of `period` [s].
+
+        A float is read as its shortest decimal form.
+        """
         exact = Fraction(str(period))
         if exact <= 0:
             raise ParameterInvalid(f"{self.name}.{name}", f"period {period} s", "more than 0")
@@ -188,14 +241,17 @@ class Model:
     # ---- equations ------------------------------------------------------------------------
 
     def der(self, state: ca.SX, expression: ca.SX | Value) -> None:
-        """Set the time derivative of a continuous state."""
+        """Set the time derivative of a continuous `state` to an `expression`, in its unit per s."""
         declared = self._declared(state, "state")
         if declared.name in self.derivatives:
             raise ParameterInvalid(f"{self.name}.{declared.name}: der() is given twice")
         self.derivatives[declared.name] = self._shaped(declared, expression)
 
     def update(self, clock: Clock, discrete: ca.SX, expression: ca.SX | Value) -> None:
-        """Set the value of a discrete state after a tick, from the values before it."""
+        """Set the value of a `discrete` state after a tick of `clock`.
+
+        The `expression` sees the values before the tick.
+        """
         declared = self._declared(discrete, "discrete")
         clock.updates.append((declared, self._shaped(declared, expression)))
 
@@ -209,7 +265,10 @@ class Model:
         description: str = "",
         discrete: bool = False,
     ) -> ca.SX:
-        """Declare an output, evaluated at the end of each communication step."""
+        """Declare an output, the `expression` at the end of each communication step.
+
+        It is `discrete` if it changes only at ticks of a clock.
+        """
         expression = ca.densify(ca.SX(expression))
         shape: tuple[int, ...] = () if expression.numel() == 1 else (int(expression.numel()),)
         variability = "discrete" if discrete or type != "Float64" else "continuous"
@@ -234,7 +293,7 @@ class Model:
     # ---- inside ---------------------------------------------------------------------------
 
     def of_kind(self, *kinds: Kind) -> list[Declared]:
-        """List the declared variables of the given kinds, in the order of declaration."""
+        """List the declared variables of the given `kinds`, in the order of declaration."""
         return [v for v in self.variables.values() if v.kind in kinds]
 
     def _declare(

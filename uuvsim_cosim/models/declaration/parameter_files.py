@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from math import isfinite
@@ -11,9 +12,12 @@ from typing import Any
 
 from uuvsim_cosim.content import content
 from uuvsim_cosim.errors import ParameterInvalid
-from uuvsim_cosim.models.declaration.files_read import noted, shared_until_changed
+from uuvsim_cosim.models.declaration.files_read import (
+    kept_until_changed,
+    noted,
+    shared_until_changed,
+)
 from uuvsim_cosim.models.declaration.hull_parameters import meaning_of, missing, near_names
-from uuvsim_cosim.models.declaration.inertia import not_positive
 from uuvsim_cosim.models.declaration.near_names import expected_names
 from uuvsim_cosim.models.declaration.units import parse_unit, value_conversion
 
@@ -25,7 +29,9 @@ __all__ = [
     "is_vehicle",
     "line_of",
     "parameter_set",
+    "parsed_yaml",
     "read_yaml",
+    "schema_mistakes",
     "size_alone",
     "split_address",
     "vehicle_file",
@@ -134,8 +140,13 @@ def _size(data: Any) -> Size | None:
 
 def vehicle_sets(id: str) -> list[str]:
     """List the names of a vehicle's parameter sets, the default one first."""
+    return [*_set_names(id)]
+
+
+@kept_until_changed
+def _set_names(id: str) -> tuple[str, ...]:
     data = vehicle_file(id)[1]
-    return sorted(data["sets"], key=lambda name: name != data["default"])
+    return tuple(map(str, sorted(data["sets"], key=lambda name: name != data["default"])))
 
 
 def parameter_set(id: str, set: str | None = None) -> ParameterSet:
@@ -177,46 +188,95 @@ def read_yaml(path: Path, schema: str | Path, further: Mistakes | None = None) -
 
     `further` yields mistakes that a schema cannot see; all are reported together.
     """
-    from jsonschema import Draft202012Validator
-
     data = _load(path)
     file = schema if isinstance(schema, Path) else content("models", "schema", schema)
-    rules = json.loads(noted(file).read_text(encoding="utf-8"))
-    found = []
-    for error in Draft202012Validator(rules).iter_errors(data):
-        place = ".".join(str(part) for part in error.absolute_path) or "the file"
-        expected = error.schema.get("description", f"{error.validator}: {error.validator_value}")
-        if error.validator == "additionalProperties" and any(
-            isinstance(key, int | float) for key in error.instance
-        ):
-            expected += "; a number has a decimal point, no comma"
-        line = line_of(data, list(error.absolute_path))
-        found.append((line, f"{place}: {error.message}; expected {expected}"))
-    wrong_shape = bool(found)
+    found = list(schema_mistakes(data, json.loads(noted(file).read_text(encoding="utf-8"))))
     try:
-        found += further(data) if further is not None else ()
+        deeper = list(further(data)) if further is not None else []
     except (AttributeError, KeyError, TypeError, ValueError):
-        if not wrong_shape:  # else it could look no further
+        if not found:  # else it could look no further
             raise
-    if found:
-        raise ParameterInvalid.of(f"{path}:{n}: {text}" for n, text in sorted(found))
+        deeper = []
+    known = {(line, text.partition(":")[0]) for line, text in deeper}
+    found = [m for m in found if not ("unknown; " in m[1] and (m[0], _key(m[1])) in known)]
+    if found or deeper:
+        raise ParameterInvalid.of(f"{path}:{n}: {text}" for n, text in sorted([*found, *deeper]))
     return data
 
 
+def schema_mistakes(data: Any, rules: Any) -> Iterator[tuple[int, str]]:
+    """Yield (line, sentence) of each mistake that a JSON schema finds in a file that was read.
+
+    What would be right is the schema's `expected`, else its `description`. An unknown key has a
+    sentence of its own, with the names that are close to it.
+    """
+    from jsonschema import Draft202012Validator
+
+    for error in Draft202012Validator(rules).iter_errors(data):
+        path = list(error.absolute_path)
+        place = ".".join(str(part) for part in path)
+        if error.validator == "additionalProperties" and not error.validator_value:
+            names = error.schema.get("properties", {})
+            patterns = error.schema.get("patternProperties", ())
+            for key in error.instance:
+                if key in names or any(re.search(pattern, str(key)) for pattern in patterns):
+                    continue
+                hint = "; a number has a decimal point, no comma"
+                hint = hint if isinstance(key, int | float) else ""
+                text = f"{place}.{key}" if place else str(key)
+                yield (
+                    line_of(data, [*path, key]),
+                    f"{text}: unknown; expected {expected_names(key, names)}{hint}",
+                )
+            continue
+        expected = error.schema.get("expected") or error.schema.get(
+            "description", f"{error.validator}: {error.validator_value}"
+        )
+        yield line_of(data, path), f"{place or 'the file'}: {error.message}; expected {expected}"
+
+
+def _key(sentence: str) -> str:
+    """Return the last key of the place with which a sentence begins."""
+    return sentence.partition(":")[0].rpartition(".")[2]
+
+
 def _load(path: Path) -> Any:
+    try:
+        text = noted(path).read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise ParameterInvalid(f"{path}: cannot be read as YAML: {error}") from None
+    return parsed_yaml(path, text)
+
+
+def parsed_yaml(path: Path, text: str) -> Any:
+    """Return the contents of YAML text with their lines; `path` is its file, for errors.
+
+    Raises ParameterInvalid with the line.
+    """
     from ruamel.yaml import YAML
     from ruamel.yaml.error import MarkedYAMLError, YAMLError
 
     try:
-        return YAML(typ="rt", pure=True).load(noted(path).read_text(encoding="utf-8"))
+        return YAML(typ="rt", pure=True).load(text)
     except MarkedYAMLError as error:
         line = error.problem_mark.line + 1 if error.problem_mark else 1
         problem = str(error.problem or error.context).splitlines()[0]
         problem, twice, _ = problem.partition(" with value ")
-        wanted = "each name once" if twice else "YAML"
+        alias = re.fullmatch(r"found undefined alias '(.*)'", problem)
+        if twice:
+            wanted = "each name once"
+        elif alias is not None:
+            wanted = f"an anchor &{alias[1]} before it"
+        elif problem.startswith(r"found character '\t'"):
+            wanted = "spaces, since YAML does not allow tabs for indentation"
+        else:
+            wanted = "YAML"
         raise ParameterInvalid(f"{path}:{line}", problem, wanted) from None
-    except (OSError, UnicodeDecodeError, YAMLError) as error:
+    except YAMLError as error:
         raise ParameterInvalid(f"{path}: cannot be read as YAML: {error}") from None
+    except RecursionError:
+        wanted = "the few levels of a file of settings"
+        raise ParameterInvalid(f"{path}:1", "too deeply nested", wanted) from None
 
 
 def line_of(data: Any, path: list[Any]) -> int:
@@ -232,21 +292,6 @@ def line_of(data: Any, path: list[Any]) -> int:
     return int(line) + 1
 
 
-def _sentence(error: Any) -> str:
-    place = ".".join(str(part) for part in error.absolute_path) or "the file"
-    expected = error.schema.get("description", f"{error.validator}: {error.validator_value}")
-    if error.validator == "additionalProperties" and any(
-        isinstance(key, int | float) for key in error.instance
-    ):
-        expected += "; a number has a decimal point, no comma"
-    return f"{place}: {error.message}; expected {expected}"
-
-
-def _refuse(path: Path, problems: list[tuple[int, str]]) -> None:
-    if problems:
-        raise ParameterInvalid.of(f"{path}:{n}: {text}" for n, text in sorted(problems))
-
-
 @shared_until_changed
 def vehicle_file(id: str) -> tuple[Path, Any]:
     """Return a vehicle's parameter file and its contents, checked."""
@@ -256,6 +301,9 @@ def vehicle_file(id: str) -> tuple[Path, Any]:
 
 
 def _mistakes(data: Any) -> Iterator[tuple[int, str]]:
+    # It needs CasADi, and most commands read no vehicle's file, as their results are kept.
+    from uuvsim_cosim.models.declaration.inertia import not_positive
+
     if data["default"] not in data["sets"]:
         known = ", ".join(data["sets"])
         yield line_of(data, ["default"]), f"default: {data['default']!r}; expected one of {known}"

@@ -23,7 +23,15 @@ def norm(x: Number) -> ca.SX:
 
 
 def abs_(x: Number) -> ca.SX:
-    """Return |x|."""
+    """Return |`x`|, a number or an SX.
+
+    Example:
+
+    >>> import casadi as ca
+    >>> from uuvsim_cosim.models import abs_
+    >>> abs_(ca.SX.sym("x"))
+    SX(fabs(x))
+    """
     return ca.fabs(x)
 
 
@@ -33,7 +41,17 @@ def clip(x: Number, low: Number | np.ndarray, high: Number | np.ndarray) -> ca.S
 
 
 def saturate(x: Number, limit: Number) -> ca.SX:
-    """Return x held within [-limit, limit]."""
+    """Return `x` held within [-`limit`, `limit`]; NaN stays NaN.
+
+    Example:
+
+    >>> import casadi as ca
+    >>> from uuvsim_cosim.models import saturate
+    >>> x = ca.SX.sym("x")
+    >>> f = ca.Function("f", [x], [saturate(x, 2.0)])
+    >>> float(f(3.0)), float(f(-1.0))
+    (2.0, -1.0)
+    """
     return clip(x, -limit, limit)
 
 

@@ -8,7 +8,7 @@ from typing import Any, final
 
 from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.models.declaration.near_names import expected_names
-from uuvsim_cosim.models.declaration.parameter_files import line_of
+from uuvsim_cosim.models.declaration.parameter_files import line_of, parsed_yaml
 
 __all__ = ["YamlText", "plain", "shown"]
 
@@ -20,21 +20,15 @@ class YamlText:
     """A YAML file, and the mistakes found in it so far; `what` it should be is for errors."""
 
     def __init__(self, path: Path, what: str = "a YAML file") -> None:
-        from ruamel.yaml import YAML
-        from ruamel.yaml.error import MarkedYAMLError, YAMLError
-
         self.path = path
         self.mistakes: list[tuple[int, str]] = []
         try:
-            self.data = YAML(typ="rt", pure=True).load(path.read_text(encoding="utf-8"))
-        except MarkedYAMLError as error:
-            line = error.problem_mark.line + 1 if error.problem_mark else 1
-            problem = str(error.problem or error.context).splitlines()[0]
-            raise InputInvalid(f"{path}:{line}", problem, "YAML") from None
+            text = path.read_text(encoding="utf-8")
         except OSError as error:
             raise InputInvalid(path, f"cannot be read ({error.strerror})", what) from None
-        except (UnicodeDecodeError, YAMLError) as error:
+        except UnicodeDecodeError as error:
             raise InputInvalid(f"{path}: cannot be read as YAML: {error}") from None
+        self.data = parsed_yaml(path, text)
 
     def wrong(self, place: Place, sentence: str) -> None:
         """Note a mistake at a place."""

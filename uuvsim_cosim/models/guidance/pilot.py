@@ -10,7 +10,7 @@ At every sample of period T, with M and D the diagonals of the vehicle's own fig
     K = M_44 (-w_trim² phi - 2 zeta w_trim p),      M alike
     N = M_66 (dr_d/dt + k_r (r_d - r) + z_r) + D_66(r_d) r_d
 
-z are limited integrals. A policy so drives a vehicle with its lags and limits, not a point.
+z are limited integrals. A policy therefore drives a vehicle with its lags and limits, not a point.
 """
 
 from __future__ import annotations

@@ -4,7 +4,7 @@
 
 `motion` selects the source of the yaw rate r: ``random_heading``, a Gauss-Markov process;
 ``flee``, away from the nearest tracker and from walls, wandering while none is near; ``path``,
-towards one waypoint after the other, again and again. At a wall, or an obstacle, the heading is
+towards one waypoint after the other, in a loop. At a wall, or an obstacle, the heading is
 mirrored. The speed is V at every instant.
 """
 

@@ -18,7 +18,7 @@ import casadi as ca
 from uuvsim_cosim.models.declaration.model import Model
 from uuvsim_cosim.models.declaration.preset import preset
 from uuvsim_cosim.models.declaration.safe_math import atan2_or, clip, norm, safe_sqrt, wrap
-from uuvsim_cosim.models.guidance.guidance import declare_follower, declare_wanted, row_of
+from uuvsim_cosim.models.guidance.line_of_sight import declare_follower, declare_wanted, row_of
 
 __all__ = ["trajectory"]
 

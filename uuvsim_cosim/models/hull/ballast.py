@@ -3,9 +3,10 @@
     dV/dt = clip((V_d - V) / T, ±V_rate),     dx/dt = clip((x_d - x) / T, ±x_rate)
     f = rho g (V_0 - V) down  at r_V,         m = m_s g (x - x_0) e_s x down
 
-V is the volume that a bladder outside displaces: more lifts. Of the mass only what its shift from
-x_0 changes is given, since the hull's own weight holds it. Both are quasi-static: what they change
-of M, and the reaction to their acceleration, are left out (of the second order in their size).
+V is the volume that an external bladder displaces: a larger volume lifts the hull. The hull's own
+weight includes the mass at x_0, so only the effect of its shift from x_0 is added. Both are
+quasi-static: their effect on M and the reaction to their acceleration are neglected (both are of
+second order in their size).
 """
 
 from __future__ import annotations
@@ -19,8 +20,9 @@ from uuvsim_cosim.models.declaration.vectors import ETA, TAU
 
 __all__ = ["ballast"]
 
-# Tethys (osrf/lrauv @31b2b905, lrauv_description/models/tethys): buoyancy engine of 80 to 955 mL,
-# neutral at 500, 3 mL/s; a battery of 31.73 kg that moves along x. How far and fast: assumptions.
+# Tethys (osrf/lrauv @31b2b905, tethys/model.sdf.in and tethys_equipped/model.sdf): buoyancy engine
+# of 80 to 955 mL, neutral at 500, 3 mL/s, at the place r_V, which the source calls to be
+# determined; a battery of 31.73 kg that moves 3 cm along x to either side, by 0.7 mm/s.
 _TETHYS = {
     "V_0": (5.0e-4, "m3", 0.0, "volume at which the hull has its own buoyancy"),
     "V_min": (8.0e-5, "m3", 0.0, "least volume"),
@@ -28,8 +30,8 @@ _TETHYS = {
     "V_rate": (3.0e-6, "m3/s", 0.0, "fastest change of volume"),
     "m_s": (31.7307, "kg", 0.0, "mass that moves"),
     "x_0": (0.0, "m", None, "place at which the hull has its own centre of gravity"),
-    "x_max": (0.03, "m", 0.0, "largest distance from x_0 (assumption)"),
-    "x_rate": (0.005, "m/s", 0.0, "fastest shift (assumption)"),
+    "x_max": (0.03, "m", 0.0, "largest distance from x_0"),
+    "x_rate": (7e-4, "m/s", 0.0, "fastest shift"),
     "T": (0.5, "s", 0.02, "time constant of both servos (assumption)"),
     "rho": (1025.0, "kg/m3", 0.0, "density of the water"),
     "g": (9.80665, "m/s2", 0.0, "acceleration of gravity"),
@@ -46,7 +48,7 @@ def ballast(contact: bool | str = False) -> Model:
         name: m.parameter(name, value, unit=unit, min=low, description=words)
         for name, (value, unit, low, words) in _TETHYS.items()
     }
-    r_V = m.parameter("r_V", (0, 0, 0), unit="m", description="the bladder from CO in b")
+    r_V = m.parameter("r_V", (-0.137, 0, 0), unit="m", description="the bladder from CO in b")
     e_s = m.parameter("e_s", (1, 0, 0), unit="1", description="direction of the rail in b")
     V = m.state("bladder", p["V_0"], unit="m3", description="volume of the bladder")
     x = m.state("place", p["x_0"], unit="m", description="of the mass along its rail")

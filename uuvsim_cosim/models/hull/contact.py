@@ -1,38 +1,41 @@
 """Contact of a hull with seabed, obstacles and other vehicles, without gain of energy.
 
-The hull is its declared box, a capsule or a ball. Every contact point i asks, along its normal
-n_i, for the displacement
+The hull's shape is its declared box, a capsule or a ball. Every contact point i, with depth d_i and
+approach speed w_i, requires along its normal n_i the displacement
 
     e_i = min(d_i, cap) + 10 h w_i
 
-of depth d_i and approach speed w_i: out of the solid, and against what the next ten steps bring.
-The least displacement delta that serves all, measured by the diagonal mass matrix M, gives
+which moves the point out of the solid and compensates its approach over the next ten steps. The
+smallest displacement delta that satisfies all points, in the norm of the diagonal mass matrix M,
+gives the force
 
     tau = kappa / h² M delta,    delta = argmin 1/2 delta' M delta,   J_i delta >= e_i.
 
-So without speed tau is the gradient of kappa / (2 h²) times the squared distance (in the metric
-of M) to the nearest free pose. Whatever the shapes and however many points touch, the second
-derivative of such a distance is at most kappa / h² M: no direction is too stiff, for every vehicle
-and step. A force arrives two steps late where it goes through a wrench: poses and velocities are
-predicted for the middle of that step. With one degree of freedom, that delay and forces held over
-steps, energy never exceeds the start for kappa up to 0.14. Where a solid appears at the last
-moment, a hull leaves with at most 0.63 of its speed for kappa = 0.03 and 1.16 of it for 0.05
-(tests/models/hull/test_contact.py scans both). Hence kappa = 0.03, and more is refused.
+Without speed, tau is therefore the gradient of kappa / (2 h²) times the squared distance (in the
+metric of M) to the nearest free pose. For any shapes and any number of contact points, the second
+derivative of this distance is at most kappa / h² M, so no direction is too stiff, for every vehicle
+and step. If the force passes through a wrench, it acts two steps late; poses and velocities are
+therefore predicted for the middle of that step. With one degree of freedom, this delay, and forces
+held over steps, the energy never exceeds its start value for kappa up to 0.14. If a solid appears
+at the last moment, a hull rebounds with at most 0.63 of its speed for kappa = 0.03, and 1.16 of it
+for 0.05 (tests/models/hull/test_contact.py scans both). Hence kappa = 0.03; a larger value is
+refused.
 
-The state `memory` holds a free place of the hull's middle, from which the hull came: at each tick
-it follows the hull as far as no solid is in the way, and slides along what is. A hull that passes
-the middle of a thin wall before a force acts is therefore pushed back, not through. Then cap is
-40 h m/s; without a memory (the hull began inside something), and for the seabed, 7.5 h m/s.
+The state `memory` holds a free place of the hull's centre on the way that the hull came. At each
+tick, this place follows the hull until a solid is in the way, and then slides along the solid. A
+hull that passes the middle of a thin wall before a force acts is therefore pushed back, not
+through. In this case, cap is 40 h m/s; without a memory (the hull starts inside a solid), and for
+the seabed, it is 7.5 h m/s.
 
-Friction is Coulomb's, regularised: the least change of velocity that stops the slip of all points,
-of which a step makes 14 % (less than 4/27, from which on a delay of two steps overshoots), by
-forces of at most mu times the normal ones. A hull at rest on a slope below the friction angle
-therefore creeps, by  F_t h / (0.14 m)  for a force F_t and the effective mass m at the contact.
+Friction is regularised Coulomb friction. Its basis is the smallest change of velocity that stops
+the slip of all points; a step makes 14 % of it (with 4/27 or more, a delay of two steps
+overshoots), with forces of at most mu times the normal forces. A hull at rest on a slope below the
+friction angle therefore creeps with the speed  F_t h / (0.14 m)  for a force F_t and the effective
+mass m at the contact.
 
-
-All contacts are one intrinsic: as a network (network.py), a CasADi Callback that is called and
-never inlined, named by the hash of scene and hull. CasADi itself evaluates it by
-contact_reference.py; FMUs, native components and kernels by fmus/runtime/worlds/uuv_contact.h.
+All contacts are one intrinsic. Like a network (network.py), it is a CasADi Callback that is called
+and never inlined; its name is the hash of scene and hull. CasADi evaluates it by
+contact_reference.py; FMUs, native components and kernels use fmus/runtime/worlds/uuv_contact.h.
 """
 
 from __future__ import annotations
@@ -90,8 +93,8 @@ def contact(
             "contact",
             f"step = {step}",
             (
-                f"more than 0 and at most {LONGEST:g} s: at longer steps a hull is "
-                f"pressed through what it touches. Use step={LONGEST:g} or less, "
+                f"more than 0 and at most {LONGEST:g} s: at longer steps a hull is pressed "
+                f"through an obstacle. Use step={LONGEST:g} or less, "
                 "here and as the system's step"
             ),
         )

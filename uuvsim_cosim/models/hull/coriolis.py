@@ -42,7 +42,7 @@ def coriolis(M: ca.SX, nu: ca.SX) -> ca.SX:
 def inverse(M: ca.SX) -> ca.SX:
     """Return M⁻¹ by elimination without pivots, for M with positive definite symmetric part.
 
-    What is structurally zero in M⁻¹ stays so, and no more instructions arise than needed.
+    Structural zeros of M⁻¹ are kept, so the generated code has no unnecessary instructions.
     """
     M = ca.SX(M)
     n = M.size1()

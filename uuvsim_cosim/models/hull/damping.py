@@ -7,33 +7,34 @@ negatives).
 
     (lift)_i  =  sum_j  D_u_ij |u_r| nu_r_j
 
-is the lift of a slender body and its fixed fins. With |u|, not u, it holds at any angle of attack
-and astern: across the flow it is 1/2 rho S C_N V² sin(alpha) |cos(alpha)|, the first term of the
-normal force on a slender body, which vanishes broadside; the other term, with sin²(alpha), is
-cross-flow drag (Allen and Perkins 1951, NACA report 1048). A fin at x_f brakes v + x_f r wherever
-the flow comes from. The Munk moment is no lift: it is in C_A, with the sign of u.
+is the lift of a slender body and its fixed fins. With |u| instead of u, it is valid at any angle of
+attack and astern. Across the flow it is 1/2 rho S C_N V² sin(alpha) |cos(alpha)|, the first term of
+the normal force on a slender body, which vanishes broadside; the other term, with sin²(alpha), is
+cross-flow drag (Allen and Perkins 1951, NACA report 1048). A fin at x_f brakes v + x_f r for any
+direction of the flow. The Munk moment is not part of lift: it is in C_A, with the sign of u.
 
     (fading)_i  =  exp(-|v_r| / U_f) sum_j  D_f_ij nu_r_j
 
-is linear damping at low speed (Fossen 2021, 2nd ed., chapter 6), which drag takes over from.
+is linear damping at low speed (Fossen 2021, 2nd ed., chapter 6), which fades as drag grows.
 
     (products)_i  =  sum  F_ab a b,     F in X Y Z K M N,   a, b in u v w p q r (in this order)
 
-are those of SNAME: `Y_pq` is the coefficient of p q in Y, with the sign of SNAME: it adds to the
-force. Products are what a published set has beside M_A, D_l and D_q. C_A is made of M_A here, so
-that a product that a publication lists *combined* stands here less its part of C_A. What should
-brake or lift in either direction is no product: |u| v belongs to `D_u`, |v| v to `D_q`.
+are the products of SNAME: `Y_pq` is the coefficient of p q in Y, with the sign of SNAME (it adds to
+the force). They are the terms that a published set has in addition to M_A, D_l and D_q. C_A is
+computed from M_A here; therefore, if a publication lists a *combined* product, its part of C_A is
+subtracted. Terms that brake or lift in both directions are not products: |u| v belongs to `D_u`,
+and |v| v to `D_q`.
 
 `cross_flow` is the drag of strips of the hull. At a station x the flow across is  v_x = v + x r,
 w_x = w - x q,  U_x = sqrt(v_x² + w_x²), and
 
     dF = 1/2 rho (C_D_y h_y v_x² + C_D_z b_z w_x²) / U_x (v_x, w_x) dx
 
-(Healey and Lienard 1993, IEEE J. Oceanic Eng. 18(3), 327-339): the drag's size is that of the face
-that is met, its direction that of the flow, so that a round hull is the same at any roll. Y, Z and
-their moments M = -x dZ, N = x dY are summed over the length. Each strip takes two points of Gauss
-and Legendre: exact as long as the flow does not turn within a strip, and without the extra strip
-that sums over N + 1 stations have (+5 % for N = 20).
+(Healey and Lienard 1993, IEEE J. Oceanic Eng. 18(3), 327-339). The size of the drag is that of the
+face in the flow, its direction that of the flow, so the drag of a round hull does not depend on
+roll. Y, Z and their moments M = -x dZ, N = x dY are summed over the length, with two Gauss-Legendre
+points per strip. This is exact as long as the flow does not reverse within a strip, and it avoids
+the extra strip of sums over N + 1 stations (+5 % for N = 20).
 """
 
 from __future__ import annotations

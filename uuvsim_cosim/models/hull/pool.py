@@ -5,10 +5,10 @@ with d the depth of penetration and h the communication step for which a force i
 
     f = max(0, K d + (B + K h) dd/dt)
 
-is continuous and never pulls; K d + K h dd/dt is what the spring will hold a step later, so that
-holding f does not feed the motion. Stability bounds K, here kappa m / h². There is no friction,
-and the force points through CO: no moment. The surface needs no contact, a hull loses its
-buoyancy there.
+is continuous and never pulls. K d + K h dd/dt is the spring force one step later, so that holding f
+over a step adds no energy. Stability bounds K, which is kappa m / h² here. There is no friction,
+and the force acts through CO, so there is no moment. The water surface needs no contact force,
+because a hull loses its buoyancy there.
 """
 
 from __future__ import annotations

@@ -3,19 +3,19 @@
 Fossen (2021), 2nd ed., section 4.1:  g = -(f_g + f_b, r_g x f_g + r_b x f_b).
 
 With volumes (`floating`), buoyancy through the surface is exact for ellipsoids, cylinders and boxes
-at any attitude. The flat surface cuts a volume V whose middle is at depth D. With X the depth of
-its points about D, the energy of what it displaces is  rho g V U,  U = E[(D + X)_+], the mean over
-its points of their depth below the surface. Buoyancy and its moment about CO are its gradient,
+at any attitude. The flat surface cuts a volume V whose centre is at depth D. With X the depth of
+its points relative to D, the energy of the displaced water is  rho g V U,  with  U = E[(D + X)_+],
+the mean depth of the points below the surface. Buoyancy and its moment about CO are the gradient,
 
     f = -B dU/dD down,   m = -B dU/d(down) x down,   dU/dD the share that is under water,
 
-so that they are continuous in depth and attitude, and conserve energy. E is in closed form:
+so they are continuous in depth and attitude, and conserve energy. E has a closed form:
 
-* ellipsoid: X is H times that of a unit ball, H² = sum (h_i down_i)²;
-* box: X is a sum of three uniform ones, of half-widths w_i = h_i |down_i|;
-* cylinder: a uniform one along its axis and a semicircle's across it.
+* ellipsoid: X is H times the X of a unit ball, with H² = sum (h_i down_i)²;
+* box: X is the sum of three uniform variables with half-widths w_i = h_i |down_i|;
+* cylinder: X is the sum of a uniform variable along its axis and a semicircle's across it.
 
-Half-widths are kept above 1 % of h: where a face lies level, its corner is rounded by that much.
+Half-widths are kept above 1 % of h: if a face is level, its corners are rounded by this amount.
 """
 
 from __future__ import annotations

@@ -1,17 +1,17 @@
 """Tether: the force of a straight cable on the hull, quasi-static.
 
 The cable runs straight from its upper end p_0 to the hull's eye, over a length l, in a current v_c.
-A piece at the share s of the way down moves as s of the eye's velocity; with U its velocity through
-the water, split along (t) and across (n) the cable, the drag of each metre is
+A piece at the fraction s of the length (0 at the upper end) moves with s times the eye's velocity.
+With U its velocity relative to the water, along (t) and across (n) the cable, the drag per metre is
 
     f = -1/2 rho d (C_n |U_n| U_n + pi C_t |U_t| U_t)
 
 (the cross-flow principle: Hoerner 1965, Fluid-Dynamic Drag; the chapter was not checked). C_n = 1.2
-is that of a smooth cylinder; of a tether, Blue Robotics names measurements near 2.0 (Kojima et al.,
-in discuss.bluerobotics.com/t/9092). C_t = 0.02 is an assumption. The eye bears the moment-balanced
-share, the integral of s f l ds, half of the weight in water, and, once l is longer than what was
-paid out, the tension  E_A (l - l_0) / l_0. No sag, no inertia, no vibration: tension before it is
-taut, and the extra length of a slack cable, are left out.
+is the value of a smooth cylinder; for a tether, Blue Robotics cites measurements near 2.0 (Kojima
+et al., in discuss.bluerobotics.com/t/9092). C_t = 0.02 is an assumption. By balance of moments, the
+eye carries the integral of s f l ds, half of the weight in water, and, if l exceeds the length l_0
+that was paid out, the tension  E_A (l - l_0) / l_0. Sag, inertia and vibration are neglected, and
+so are the tension of a slack cable and the drag of its extra length.
 """
 
 from __future__ import annotations

@@ -4,16 +4,16 @@
 
 In a uniform current that does not rotate, M_RB nu_dot + C_RB(nu) nu is equally
 M_RB nu_r_dot + C_RB(nu_r) nu_r (the rigid body's equation in a frame that drifts with the
-water; Fossen 2021, 2nd ed., chapter 10). With M = M_RB + M_A and C from M, what is solved is
+water; Fossen 2021, 2nd ed., chapter 10). With M = M_RB + M_A and C from M, the solved equation is
 
     M nu_r_dot = tau - C(nu_r) nu_r - D(nu_r) nu_r - g(eta),   nu_dot = nu_r_dot + nu_c_dot
 
-so that added mass is implicit, through M, and stable at any mass ratio. D(nu_r) nu_r has, where a
-vehicle lists them, also lift, cross-flow drag by strips and SNAME's products (damping.py). In waves
-the water accelerates, and  M_A (a_c, 0)  and the pressure that accelerates it, rho nabla a_c at r_b
-(Froude and Krylov), stand on the right; where density and volume change with the depth D of the
-centre of buoyancy, it is  B (1 + (beta_rho - beta_nabla) D). Everything is about CO, in `b` (FRD);
-p = (N, E, D) and the current v_c are in `n` (NED).
+so added mass is implicit, through M, and stable at any mass ratio. D(nu_r) nu_r also contains lift,
+cross-flow drag by strips and SNAME's products, if a vehicle lists them (damping.py). In waves the
+water accelerates: the right-hand side then also has  M_A (a_c, 0)  and the pressure force that
+accelerates the water, rho nabla a_c at r_b (Froude and Krylov). If density and volume change with
+the depth D of the centre of buoyancy, buoyancy is  B (1 + (beta_rho - beta_nabla) D). Everything is
+about CO, in `b` (FRD); p = (N, E, D) and the current v_c are in `n` (NED).
 """
 
 from __future__ import annotations
@@ -55,9 +55,10 @@ def vehicle(
     """Declare the hull of the vehicle in the folder `id`, by one of its published sets.
 
     `values` replaces parameters, or adds one that the set leaves out as structurally zero.
-    `surface`: true loses buoyancy evenly over the hull's height, false never, "volumes" by the
-    volumes that the file lists (volumes.py). `compressible` adds beta_rho and beta_nabla, `waves`
-    the inputs a_c and, where there is a surface, zeta.
+    `surface`: with true, buoyancy is lost by a smooth step over the hull's height; with false, it
+    is constant; with "volumes", it follows from the volumes that the file lists (volumes.py).
+    `compressible` adds beta_rho and beta_nabla, `waves` adds the inputs a_c and, with a surface,
+    zeta.
     """
     published = parameter_set(id, set)
     name = published.vehicle + ("" if published.is_default else f"_{published.name}")
@@ -89,8 +90,8 @@ def hull(
 ) -> Model:
     """Declare a hull of the parameters named in `hull_parameters`; those left out are zero.
 
-    Without `surface` the hull counts as submerged at any depth; with `volumes` what of them is
-    under water displaces (restoring.py), in place of a part of the hull's height.
+    Without `surface`, the hull is submerged at any depth. With `volumes`, buoyancy is that of the
+    volumes under water (restoring.py), instead of a step over the hull's height.
     """
     m = Model(name, description, h_max=0.01)
     p = declare_parameters(m, numbers, surface and not volumes, sources or {})
@@ -130,7 +131,7 @@ def hull(
             afloat = submerged_fraction(depth, r_b, down, p["height"])
         restoring = g(W, B * afloat, r_g, r_b, down)
     load = tau - coriolis(M, nu_r) - damping(D_l, D_q, nu_r) - restoring
-    if waves:  # water that accelerates pushes on M_A, and on what the hull displaces
+    if waves:  # accelerating water acts on M_A and on the displaced volume
         a_c = m.input("a_c", 3, unit="m/s2", description="acceleration of the water in n, of waves")
         a = ca.mtimes(Rnb.T, a_c)
         push = mass_of_water(p) * afloat * a

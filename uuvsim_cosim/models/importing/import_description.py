@@ -141,7 +141,7 @@ def _size(path: Path, bodies: Bodies, water: Water, notes: list[str]) -> tuple[A
     if bodies.unread:
         lacking = "a <collision> mesh was not read; `uuvsim models import MESH.stl` measures one"
     notes.append(
-        f"no size is in the file ({lacking}): taken as a sphere of {side:.3g} m, of its volume"
+        f"no size is in the file ({lacking}): assumed: a sphere of {side:.3g} m, of its volume"
     )
     return np.full(3, side), r_g, "estimated: sphere of the volume"
 
@@ -264,8 +264,8 @@ _README = """\
 Imported from `{file}` ({what}). Body FRD: FLU of the file turned (y and z change their sign),
 damping positive for a brake.
 
-## Said while it was read
+## Notes of the import
 {notes}
 ## Validity
-That of the file's numbers, which say no source: write it beside each number.
+The numbers of the file state no source: write the source beside each number.
 """

@@ -1,17 +1,24 @@
 """Import of a hull's surface and mass as a vehicle, whose numbers are estimates and marked so.
 
-Added mass is that of the ellipsoid with the solid's second moments in proportion and its volume
-(Lamb, ellipsoid.py), turned to its principal axes. Drag along axis i is 1/2 rho C_D A_i: C_D is
-1.05 of the flat part that meets the flow, and for the round rest between that of a sphere (0.5),
-a long cylinder across the flow (1.1) and a streamlined body along it (0.44/e + 0.02 e, the form
-that Hoerner 1965, Fluid-Dynamic Drag, gives for ellipsoids, with friction 0.005). In rotation each
-element of surface that advances pushes with its own normal velocity:
-D_q = 1/2 rho s ∫ |n·(e x r)|³ dA, which is the strips' formula for a box and 0 for a sphere.
+Added mass is computed by a panel method (panel_method.py) if Capytaine is installed. Else it is
+that of the ellipsoid with the solid's second moments in proportion and its volume (Lamb,
+ellipsoid.py), turned to its principal axes.
+
+Drag along axis i is 1/2 rho C_D A_i: C_D is 1.05 of the flat part that meets the flow (a cube's
+face), and for the round rest between that of a sphere (0.5), a long cylinder across the flow (1.1)
+and a streamlined body along it (0.44/e + 0.02 e, the form that Hoerner 1965, Fluid-Dynamic Drag,
+gives for ellipsoids, with friction 0.005). The interval of C_D follows table 7.3 of White (2011,
+Fluid Mechanics): flat from 0.85 (a cylinder end on, twice as long as broad) to 1.3 (a plate of
+10:1); round 0.4 times (a boundary layer that is turbulent before it separates) to 1.2 times. For
+streamlined bodies 0.5 to 2 times is an assumption. In rotation each element of surface that
+advances pushes with its own normal velocity: D_q = 1/2 rho s ∫ |n·(e x r)|³ dA, which is the
+strips' formula for a box and 0 for a sphere.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from importlib.util import find_spec
 from math import pi, sqrt
 from pathlib import Path
 
@@ -21,9 +28,17 @@ from numpy.typing import NDArray
 from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.models.declaration.hull_parameters import meaning_of
 from uuvsim_cosim.models.declaration.parameter_files import Quantity
+from uuvsim_cosim.models.importing.panel_method import (
+    RECORD,
+    PanelResult,
+    by_panels,
+    mesh_hash,
+    stored_result,
+)
 from uuvsim_cosim.models.importing.vehicle_draft import Draft
 from uuvsim_cosim.models.shapes.ellipsoid import added_mass
 from uuvsim_cosim.models.shapes.mesh import Mesh, Solid, read_mesh, solid_of
+from uuvsim_cosim.models.shapes.panels import cut_to
 
 __all__ = [
     "AXES",
@@ -37,6 +52,8 @@ __all__ = [
 Array = NDArray[np.float64]
 G = 9.81
 BLUNT = 1.05  # C_D of a cube's face
+_BLUNT_FROM, _BLUNT_TO = 0.85, 1.3
+KNOWN, REFUSED = 0.15, 5.0  # net force in parts of the weight; mass over displaced mass, or inverse
 # What the file's x, y and z are, as rows of the rotation to FRD.
 AXES = {
     "FLU": np.diag([1.0, -1.0, -1.0]),
@@ -53,7 +70,7 @@ class MeshImport:
 
     draft: Draft
     solid: Solid  # in b, about the centre of volume
-    C_D: Array
+    C_D: Array  # (3, 3): least, expected and greatest along x, y, z
     origin: Array  # the file's origin from CO in b [m]
     notes: tuple[str, ...]
 
@@ -67,12 +84,15 @@ def import_mesh(
     rho: float = 1025.0,
     volume: float | None = None,
     z_g: float | None = None,
+    added_mass: str | Path = "auto",
 ) -> MeshImport:
     """Estimate a vehicle from a closed surface: CO is the centre of the volume, axes are FRD.
 
-    `axes` says what x, y and z of the file are; `volume` [m3] is what displaces water where the
-    hull floods (else the solid's); `z_g` [m] the centre of gravity below CO (else 5 % of the
-    height). Raises InputInvalid for a surface or a number that cannot be a hull's.
+    `axes` are the directions of x, y and z in the file; `volume` [m3] is the displaced volume if
+    the hull floods (else the solid's); `z_g` [m] is the depth of the centre of gravity below CO
+    (else 5 % of the height). `added_mass` is `capytaine`, `ellipsoid`, `auto` (Capytaine if it is
+    installed), or the folder of a vehicle that was imported from the same surface. Raises
+    InputInvalid for a surface or a number that cannot be a hull's.
     """
     if axes.upper() not in AXES:
         raise InputInvalid(f"--axes {axes}: expected {', '.join(AXES)}: the file's x, y and z")
@@ -84,28 +104,80 @@ def import_mesh(
     if np.linalg.det(AXES[axes.upper()]) < 0:
         turned = turned[:, ::-1]
     first = solid_of(Mesh(turned))
+    sha256 = mesh_hash(Mesh(turned))
     mesh = Mesh(turned - first.centre, mesh.notes)
     centre = np.where(np.abs(first.centre) > 1e-9 * first.extent.max(), first.centre, 0.0)
     solid = solid_of(mesh)
-    density = mass / solid.volume
-    if not 20.0 <= density <= 20000.0:
+    _plausible(str(path), solid, mass, rho, volume, z_g)
+    panels, notes = _panels(mesh, str(path), sha256, str(added_mass))
+    return _estimated(
+        Path(path), Mesh(mesh.triangles, (*mesh.notes, *notes)), solid, panels, mass, rho, volume,
+        z_g, 0.0 - centre, axes.upper(),
+    )  # fmt: skip
+
+
+def _plausible(
+    place: str, solid: Solid, mass: float, rho: float, volume: float | None, z_g: float | None
+) -> None:
+    """Raise InputInvalid where mass, volume or centre of gravity cannot belong to the surface."""
+    if volume is not None and volume > 1.05 * solid.volume:
         raise InputInvalid(
-            path,
-            f"{mass:g} kg in {solid.volume:.3g} m3 are {density:.3g} kg/m3",
-            "20 to 20000: is the file in another unit (--scale), or the mass not in kg?",
+            f"--volume {volume:.4g}",
+            f"the surface of {place} encloses {solid.volume:.4g} m3",
+            "at most that volume: is the file in another unit (--scale), or the volume not in m3?",
         )
-    return _estimated(Path(path), mesh, solid, mass, rho, volume, z_g, 0.0 - centre, axes.upper())
+    displaced = rho * (solid.volume if volume is None else volume)
+    if not 1.0 / REFUSED <= mass / displaced <= REFUSED:
+        hint = "--scale if the file is in another unit" + (
+            "" if volume is not None or mass > displaced else ", --volume if the hull floods"
+        )
+        raise InputInvalid(
+            place,
+            f"{mass:g} kg were given, and the hull displaces {displaced:.4g} kg of water",
+            f"{displaced / REFUSED:.3g} to {displaced * REFUSED:.3g} kg: correct --mass (in kg), "
+            f"or give {hint}",
+        )
+    if z_g is not None and not solid.low[2] <= z_g <= solid.high[2]:
+        raise InputInvalid(
+            f"--z-g {z_g:g}",
+            "the centre of gravity is outside of the hull, which reaches from "
+            f"{solid.low[2]:.4g} to {solid.high[2]:.4g} m below the centre of buoyancy",
+            "a distance in m within that range",
+        )
+
+
+def _panels(
+    mesh: Mesh, place: str, sha256: str, how: str
+) -> tuple[PanelResult | None, tuple[str, ...]]:
+    """Return the panel method's result, None for the ellipsoid, and a note on the choice."""
+    if how == "ellipsoid":
+        return None, ()
+    if how not in ("auto", "capytaine"):
+        return stored_result(Path(how), sha256), (f"added mass was read from {how}/{RECORD}",)
+    if how == "capytaine":
+        return by_panels(mesh, place, sha256), ()
+    if find_spec("capytaine") is None:
+        return None, (
+            "added mass is that of an ellipsoid, which can be 50 % off for a flat or boxy hull: "
+            "`pip install 'uuvsim-cosim[hydro]'` and import again to compute it from the surface",
+        )
+    try:
+        return by_panels(mesh, place, sha256), ()
+    except InputInvalid as error:
+        return None, (f"added mass is that of an ellipsoid, because panels failed: {error}",)
 
 
 def _estimated(
-    path: Path, mesh: Mesh, solid: Solid, m: float, rho: float, given: float | None,
-    z_g: float | None, origin: Array, axes: str,
+    path: Path, mesh: Mesh, solid: Solid, panels: PanelResult | None, m: float, rho: float,
+    given: float | None, z_g: float | None, origin: Array, axes: str,
 ) -> MeshImport:  # fmt: skip
     length, breadth, height = (float(v) for v in solid.extent)
     volume = solid.volume if given is None else given
     M_A, semi = added_mass_of(solid, rho)
+    if panels is not None:
+        M_A = rho * panels.values
     C_D = drag_coefficients(mesh, solid)
-    D_q = quadratic_drag(mesh, solid, rho, C_D)
+    least, D_q, most = (quadratic_drag(mesh, solid, rho, c) for c in C_D)
     low = 0.05 * height if z_g is None else z_g
     found: dict[str, Quantity] = {}
 
@@ -130,9 +202,16 @@ def _estimated(
     ellipsoid = " x ".join(f"{a:.3g}" for a in semi)
     for i in range(6):
         for j in range(i, 6):
-            if abs(M_A[i, j]) > 1e-9 * M_A.max():
-                put(f"M_A_{i + 1}{j + 1}", float(M_A[i, j]),
-                    f"estimated: Lamb's ellipsoid of semi-axes {ellipsoid} m")  # fmt: skip
+            if abs(M_A[i, j]) <= 1e-9 * M_A.max():
+                continue
+            how = f"estimated: Lamb's ellipsoid of semi-axes {ellipsoid} m"
+            if panels is not None:
+                how = (
+                    f"estimated: Capytaine {panels.capytaine}, extrapolated from "
+                    f"{', '.join(map(str, panels.panels))} panels, within "
+                    f"{rho * panels.half_widths[i, j]:.2g}"
+                )
+            put(f"M_A_{i + 1}{j + 1}", float(M_A[i, j]), how)
     slow = 8.0 * pi * 1.3e-3 * (0.75 * solid.volume / pi)  # 8 pi mu r³ of slow flow
     for i in range(6):
         at = _LINEAR_AT if i < 3 else _ANGULAR_AT
@@ -143,9 +222,12 @@ def _estimated(
         put(f"D_l_{i + 1}{i + 1}", float(linear), how)
     for i in range(6):
         if i < 3:
-            how = f"estimated: C_D = {C_D[i]:.3g} of {solid.areas[i]:.4g} m2 seen along {'xyz'[i]}"
+            how = (
+                f"estimated: C_D = {C_D[1, i]:.3g} of {solid.areas[i]:.4g} m2 seen along {'xyz'[i]}"
+            )
         else:
             how = "estimated: faces by strips, each by its own normal velocity"
+        how += f"; {least[i]:.3g} to {most[i]:.3g} for a closed bare hull"
         if D_q[i] > 0:
             put(f"D_q_{i + 1}{i + 1}", float(D_q[i]), how)
     put("height", height, f"estimated: extent of {path.name}")
@@ -158,17 +240,23 @@ def _estimated(
             f"{m:g} kg were given, and {volume:.4g} m3 displace {rho * volume:.4g} kg: it {way} "
             f"with {abs(net) * m * G:.3g} N"
         )
-        known["weight is near buoyancy"] = cause
         hint = (
-            "" if given is not None else "; where the hull floods, give what displaces by --volume"
+            ""
+            if given is not None
+            else "; if the hull floods, give the displaced volume by --volume"
         )
+        if abs(net) <= KNOWN:
+            known["weight is near buoyancy"] = cause
+        else:
+            hint += "; uuvsim models check fails until mass and volume agree"
         notes.append(cause + hint)
     middle = tuple(float(v) for v in 0.5 * (solid.low + solid.high))
     shape = "torpedo" if length / max(breadth, height) > 3.0 else "ellipsoid"
     if solid.volume / float(np.prod(solid.extent)) > 0.85:
         shape = "box"
     rows = "".join(
-        f"| {a} | {solid.extent[i]:.4g} | {solid.areas[i]:.4g} | {C_D[i]:.3g} | {semi[i]:.4g} |\n"
+        f"| {a} | {solid.extent[i]:.4g} | {solid.areas[i]:.4g} | {C_D[1, i]:.3g} | "
+        f"{C_D[0, i]:.3g} to {C_D[2, i]:.3g} |\n"
         for i, a in enumerate("xyz")
     )
     where = ", ".join(f"{v:.4g}" for v in origin)
@@ -184,9 +272,11 @@ def _estimated(
         shape,
         f"estimated: extent of {path.name}",
         _README.format(
-            file=path.name, volume=solid.volume, surface=solid.surface, origin=where, rows=rows
+            file=path.name, volume=solid.volume, surface=solid.surface, origin=where, rows=rows,
+            how=_ELLIPSOID.format(semi=ellipsoid) if panels is None else _PANELS,
         ),
         known,
+        files={} if panels is None else {RECORD: panels.text(path.name)},
     )  # fmt: skip
     return MeshImport(draft, solid, C_D, origin, tuple(notes))
 
@@ -227,17 +317,28 @@ _README = """\
 Estimated from the surface `{file}`; nothing was measured. CO is the centre of the volume
 ({volume:.5g} m3, surface {surface:.4g} m2); the file's origin is at ({origin}) m.
 
-| axis | extent [m] | area seen [m2] | C_D | semi-axis of the ellipsoid [m] |
+| axis | extent [m] | area seen [m2] | C_D | interval of C_D |
 |---|---|---|---|---|
 {rows}
 ## Validity
-Volume, centre, areas and the inertia of an even density are exact for the surface. Added mass is
-an ellipsoid's, drag by faces: expect them to be off by a factor of 1.5, and more where the frame is
-open. Thrusters, fins, lift and the centre of gravity are not in a surface: add them.
+Volume, centre, areas and the inertia of an even density are exact for the surface.
+{how}
+Drag is estimated from the areas seen. Its intervals hold for a closed hull without appendages;
+expect it to be off by a factor of 2 or more where the frame is open. Thrusters, fins, lift and the
+centre of gravity are not in a surface: add them.
 
 ## Errata and choices
 None yet. Replace each number that you can measure (`uuvsim identify` fits them to a log).
 """
+
+
+_ELLIPSOID = """\
+Added mass is that of the ellipsoid of semi-axes {semi} m: for a flat or boxy hull it can be 50 %
+too small."""
+_PANELS = """\
+Added mass is that of the closed surface in ideal fluid without walls; added_mass.json has the
+meshes and the half widths of the intervals. Water that flows through an open frame makes it smaller
+than this."""
 
 
 def added_mass_of(solid: Solid, rho: float) -> tuple[Array, Array]:
@@ -273,22 +374,26 @@ def _surface(mesh: Mesh) -> tuple[Array, Array, Array]:
 
 
 def drag_coefficients(mesh: Mesh, solid: Solid) -> Array:
-    """Return C_D (3,) of the areas seen along x, y and z."""
+    """Return C_D of the areas seen along x, y and z (3, 3): rows least, expected and greatest."""
     normals, areas, _ = _surface(mesh)
-    out = np.zeros(3)
+    out = np.zeros((3, 3))
     for i in range(3):
         j, k = (a for a in range(3) if a != i)
         seen = float(solid.areas[i])
         flat = 0.5 * sum(float(areas[s * normals[:, i] > 0.999].sum()) for s in (1.0, -1.0))
         blunt = min(1.0, flat / seen)
         e = float(solid.extent[i]) / (2.0 * sqrt(seen / pi))
+        low, high = 0.4, 1.2
         if e >= 1.0:
             round_ = min(0.5, 0.44 / e + 0.02 * e + 0.02 / sqrt(e))
+            if e >= 2.0:
+                low, high = 0.5, 2.0
         else:
             slender = float(max(solid.extent[j], solid.extent[k]))
             slender /= float(min(solid.extent[j], solid.extent[k]))
             round_ = 1.1 - 0.6 / slender
-        out[i] = blunt * BLUNT + (1.0 - blunt) * round_
+        faces = np.array([_BLUNT_FROM, BLUNT, _BLUNT_TO])
+        out[:, i] = blunt * faces + (1.0 - blunt) * round_ * np.array([low, 1.0, high])
     return out
 
 
@@ -301,7 +406,7 @@ def quadratic_drag(mesh: Mesh, solid: Solid, rho: float, C_D: Array) -> Array:
         [float((np.maximum(normals[:, i], 0.0) ** 3 * areas).sum()) for i in range(3)]
     )
     share = C_D * solid.areas / np.maximum(impact, 1e-12)
-    fine = Mesh(_fine(mesh.triangles, float(solid.extent.max()) / 24.0))
+    fine = Mesh(cut_to(mesh.triangles, float(solid.extent.max()) / 24.0))
     normals, areas, _ = _surface(fine)
     s = (normals**2) @ share
     points: Array = np.einsum("kc,nci->nki", _POINTS, fine.triangles) - solid.centre
@@ -311,30 +416,6 @@ def quadratic_drag(mesh: Mesh, solid: Solid, rho: float, C_D: Array) -> Array:
         D_q[3 + i] = 0.5 * rho * float((s * areas * (advance @ _WEIGHTS)).sum())
     D_q[3:][D_q[3:] < 1e-6 * rho * float(solid.extent.max()) ** 5] = 0.0
     return D_q
-
-
-def _fine(triangles: Array, edge: float) -> Array:
-    """Cut triangles into four until none has a longer edge: then |r|³ is smooth over each."""
-    done = []
-    for _ in range(6):
-        sides = np.linalg.norm(triangles - np.roll(triangles, 1, axis=1), axis=2).max(axis=1)
-        small = sides <= edge
-        done.append(triangles[small])
-        t = triangles[~small]
-        if not len(t):
-            break
-        m = 0.5 * (t + np.roll(t, -1, axis=1))  # middles of 01, 12, 20
-        triangles = np.concatenate(
-            [
-                np.stack([t[:, 0], m[:, 0], m[:, 2]], axis=1),
-                np.stack([m[:, 0], t[:, 1], m[:, 1]], axis=1),
-                np.stack([m[:, 2], m[:, 1], t[:, 2]], axis=1),
-                m,
-            ]
-        )
-    else:
-        done.append(triangles)
-    return np.concatenate(done)
 
 
 # Seven points in a triangle, exact to fifth degree (Dunavant 1985): a flat face keeps |r|³.

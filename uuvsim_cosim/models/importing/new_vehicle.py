@@ -10,6 +10,7 @@ from math import pi
 from pathlib import Path
 
 from uuvsim_cosim.errors import InputInvalid
+from uuvsim_cosim.models.declaration.modeline import BY_FILE_NAME, headed, keep_schemas
 from uuvsim_cosim.models.declaration.parameter_files import Quantity
 from uuvsim_cosim.models.importing.vehicle_draft import check_id, row_of
 from uuvsim_cosim.models.shapes.ellipsoid import added_mass
@@ -28,7 +29,7 @@ def write_vehicle(id: str, into: Path, shape: str = "box") -> Path:
         raise InputInvalid(f"shape {shape!r}", " or ".join(_SIZES))
     folder = into / id
     if folder.exists() and any(folder.iterdir()):
-        raise InputInvalid(f"{folder} is there already", "a name that is free")
+        raise InputInvalid(f"{folder} exists already", "an unused name")
     folder.mkdir(parents=True, exist_ok=True)
     size = ", ".join(f"{side:g}" for side in _SIZES[shape])
     texts = {
@@ -42,7 +43,9 @@ def write_vehicle(id: str, into: Path, shape: str = "box") -> Path:
         texts["propeller.yaml"] = _PROPELLER.format(id=id)
         texts["fins.yaml"] = _FINS.format(id=id)
     for name, text in texts.items():
-        (folder / name).write_text(text, encoding="utf-8")
+        schema = BY_FILE_NAME.get(name)
+        (folder / name).write_text(headed(schema, text) if schema else text, encoding="utf-8")
+    keep_schemas(*(folder / name for name in texts))
     return folder
 
 
@@ -220,7 +223,7 @@ fins:
 _README = """\
 # {id}
 
-What it is, and where its numbers are from.
+Description of the vehicle, and the sources of its numbers.
 
 | address | source | what it is |
 |---|---|---|
@@ -230,5 +233,5 @@ What it is, and where its numbers are from.
 Speeds, attitudes and depths for which the numbers hold.
 
 ## Errata and choices
-What was wrong in print, and what was decided.
+Errors in publications, and decisions.
 """

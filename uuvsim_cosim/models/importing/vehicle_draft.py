@@ -10,6 +10,7 @@ from pathlib import Path
 
 from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.models.declaration.hull_parameters import meaning_of
+from uuvsim_cosim.models.declaration.modeline import BY_FILE_NAME, headed, keep_schemas
 from uuvsim_cosim.models.declaration.parameter_files import Quantity, vehicle_file
 
 __all__ = ["Draft", "PlacedThruster", "check_id", "quoted", "row_of", "write_draft"]
@@ -26,7 +27,10 @@ class PlacedThruster:
 
 @dataclass(frozen=True)
 class Draft:
-    """One parameter set and what stands round it; `known` are closed forms it does not keep."""
+    """One parameter set with its file's other data.
+
+    `known` lists closed forms that it violates, and `files` other files of the folder by name.
+    """
 
     set_name: str
     description: str
@@ -41,6 +45,7 @@ class Draft:
     known: Mapping[str, str] = field(default_factory=dict)
     thrusters: tuple[PlacedThruster, ...] = ()
     thrusters_source: str = ""
+    files: Mapping[str, str] = field(default_factory=dict)
 
 
 def check_id(id: str) -> str:
@@ -54,7 +59,7 @@ def write_draft(draft: Draft, folder: Path) -> Path:
     """Write the folder, whole and checked, or nothing; raises InputInvalid if one is there."""
     id = check_id(folder.name)
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
-        raise InputInvalid(f"{folder} is there already", "a name that is free")
+        raise InputInvalid(f"{folder} exists already", "an unused name")
     for name in draft.quantities:
         assert meaning_of(name) is not None, name
     where = f", at: [{_listed(draft.at, '.6g')}]" if any(draft.at) else ""
@@ -74,7 +79,7 @@ def write_draft(draft: Draft, folder: Path) -> Path:
         "    parameters:\n"
     )
     parameters += "".join(row_of(name, quantity) for name, quantity in draft.quantities.items())
-    texts = {"parameters.yaml": parameters, "README.md": f"# {id}\n\n{draft.readme}"}
+    texts = {"parameters.yaml": parameters, "README.md": f"# {id}\n\n{draft.readme}", **draft.files}
     if draft.thrusters:
         rows = [
             f"  - name: {quoted(t.name)}\n"
@@ -100,8 +105,10 @@ def write_draft(draft: Draft, folder: Path) -> Path:
     try:
         folder.mkdir(parents=True, exist_ok=True)
         for name, text in texts.items():
-            (folder / name).write_text(text, encoding="utf-8")
+            schema = BY_FILE_NAME.get(name)
+            (folder / name).write_text(headed(schema, text) if schema else text, encoding="utf-8")
         vehicle_file(str(folder / "parameters.yaml"))
+        keep_schemas(*(folder / name for name in texts))
     except (OSError, InputInvalid) as error:
         for name in texts:
             (folder / name).unlink(missing_ok=True)

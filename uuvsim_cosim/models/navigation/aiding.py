@@ -7,8 +7,9 @@ With l = r_sensor - r_imu and errors as in `strapdown`:
     compass    psi(q) + bias           H = [(c_psi, s_psi) t_theta, 1, 1]   on eta, bias
     USBL       p(t_sample) + R l       H = [1, -S(R l)]                on dp, eta
 
-A reading is taken in at the tick that finds it; a USBL fix, which is old anyway, waits until
-there is a correction, at most `WAIT`, so that the covariance need not be brought up to its tick.
+A reading is used at the first tick after it has arrived. A USBL fix, which is late anyway, waits
+for the next correction, at most `WAIT`, so that the covariance need not be propagated to its own
+tick.
 """
 
 from __future__ import annotations
@@ -66,7 +67,7 @@ class History:
 
 @dataclass
 class Aiding:
-    """The sensors that correct the filter: their readings, and what was made of them so far."""
+    """The sensors that correct the filter: their readings, and the corrections so far."""
 
     m: Model
     step: Clock
@@ -157,7 +158,7 @@ class Aiding:
         pressure = Measured(innovation, H, c.sigma_depth**2 + 1e-12, self.is_new["pressure"])
 
         level = Rnb[0, 0] ** 2 + Rnb[1, 0] ** 2  # cos(theta)²
-        upright = level > 0.01  # near the pole, heading says nothing
+        upright = level > 0.01  # near the pole, heading is undefined
         slope = -Rnb[2, 0] / ca.if_else(upright, level, 1.0)
         H = _row({6: ca.horzcat(slope * Rnb[0, 0], slope * Rnb[1, 0], 1.0), 15: 1.0})
         psi = ca.atan2(Rnb[1, 0], Rnb[0, 0])

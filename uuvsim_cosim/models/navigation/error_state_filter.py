@@ -1,16 +1,16 @@
 """Navigation: an error-state Kalman filter of IMU, DVL, pressure, compass and USBL.
 
-It holds position and velocity of the IMU in NED, attitude, gyro and accelerometer bias (15
-errors, see `strapdown`), and the wandering biases of compass and depth (2). Each new IMU reading
-advances the estimate to that reading's sample time. Each new reading of another sensor corrects
-it, the DVL beam by beam; only then, and every 0.1 s at least, its covariance is brought up to
-date, over all the way since the last time. A USBL fix is compared with the position at the time
-that the fix carries, out of a history of 1.5 s. A reading is new when its sample time has changed
-and it is valid. Readings beyond 5 deviations are left out; after `patience` such in a row they
-are believed.
+The filter estimates position and velocity of the IMU in NED, attitude, gyro and accelerometer bias
+(15 errors, see `strapdown`), and the drifting biases of compass and depth (2). Each new IMU reading
+advances the estimate to that reading's sample time. Each new reading of another sensor corrects the
+estimate, the DVL beam by beam. The covariance is propagated only before a correction, and at least
+every 0.1 s, in one step over the time since the last propagation. A USBL fix is compared with the
+position at the sample time of the fix, from a history of 1.5 s. A reading is new if it is valid and
+its sample time has changed. Readings with innovations beyond 5 standard deviations are rejected;
+after `patience` rejections in a row, a reading is accepted.
 
-Known limit: while station is kept, tilt cannot be told from the accelerometers' bias. Over 1000 s
-of it pitch drifts by 0.013 rad on average, about its deviation (0.015 rad).
+Known limit: during station keeping, tilt cannot be separated from the accelerometers' bias. Over
+1000 s of station keeping, pitch drifts by 0.013 rad on average, about its deviation (0.015 rad).
 """
 
 from __future__ import annotations

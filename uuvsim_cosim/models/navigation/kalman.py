@@ -79,9 +79,9 @@ class Correction:
         return refused, nis
 
     def keep_unless(self, some: ca.SX, before: tuple[ca.SX, ca.SX]) -> None:
-        """Take back what was done since `before` = (P, dx), unless there was `some` reading.
+        """Restore `before` = (P, dx), unless there was `some` reading.
 
-        It changes no value: without one, w is 0. It marks what need not be computed then.
+        Values do not change, because w is 0 without a reading; but the code can then skip them.
         """
         P, dx = before
         self.P = unpack(ca.if_else(some, pack(self.P), pack(P)), self.n)

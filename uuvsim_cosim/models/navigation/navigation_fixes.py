@@ -1,17 +1,19 @@
-"""Navigation between late fixes: an IMU and a compass, and positions that a radio brings.
+"""Navigation between late fixes: an IMU and a compass, and positions received by radio.
 
-Attitude follows the gyro, is drawn to the compass and to the level that the accelerometer shows
-once  omega x v  is taken off, and both say what the gyro's bias is. With R of it,
+Attitude follows the gyro. It is corrected towards the compass and towards the level that the
+accelerometer measures after subtraction of  omega x v;  both corrections also estimate the gyro's
+bias. With the rotation matrix R of this attitude,
 
     dv/dt = R (acc - b) + g,   dp/dt = v.
 
-A fix z of time t_s is compared with where the vehicle was then, e = z - p(t_s), out of a history of
-a second and a half. What p, v and b were wrong by *then* is k e, from a Kalman filter of (p, v, b)
-that lives at the times of fixes, one for all three axes; over tau = t - t_s it has become
+A fix z with the sample time t_s is compared with the estimate at that time, e = z - p(t_s), from a
+history of 1.5 s. The errors of p, v and b *at that time* are k e, from a Kalman filter of (p, v, b)
+that is advanced from fix to fix, one for all three axes. Over tau = t - t_s, they have become
 
     p + k_p e + tau k_v e - tau²/2 k_b e,   v + k_v e - tau k_b e,   b + R' k_b e.
 
-A fix beyond `gate` deviations is believed at once, and the filter begun anew: a wall was touched.
+A fix beyond `gate` standard deviations is accepted at once and restarts the filter, because the
+vehicle has probably touched a wall.
 """
 
 from __future__ import annotations
@@ -104,7 +106,7 @@ def navigation_fixes(period: str = "0.02", imu: str = "adis16448") -> Model:
     Theta = Theta + ca.vertcat(T * k_level * away, k_psi * off)
     drift = k_g * ca.vertcat(T * k_level * away, since * off)
 
-    # The fix: what was wrong when it was made.
+    # The fix: the errors at its sample time.
     came = ca.logic_and(fix_time > t_fix + 1e-9, fix_time >= 0.0)
     span = fix_time - ca.if_else(t_fix < 0.0, 0.0, t_fix)
     tau = t - fix_time

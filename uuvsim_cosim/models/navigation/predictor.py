@@ -6,8 +6,9 @@ q. A position is new when its sample time t_s has changed; over the time T since
     P <- F P F' + q [T³/3, T²/2; T²/2, T],   F = [1, T; 0, 1],
     k = P_1 / (P_11 + sigma²),  x <- F x + k (z - x_1),  P <- P - k P_1'
 
-and what is shown at any time t is  x_1 + (t - t_s) x_2,  with t - t_s at most `age_max`. Down, the
-last position holds. A position beyond `gate` deviations is believed, and the velocity begun anew.
+and the output at any time t is  x_1 + (t - t_s) x_2,  with t - t_s at most `age_max`. For D, the
+last position holds. A position beyond `gate` standard deviations is accepted and restarts the
+velocity estimate.
 """
 
 from __future__ import annotations

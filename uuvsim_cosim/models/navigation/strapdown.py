@@ -4,16 +4,16 @@ At the IMU's place, p and v in NED, R(q) from `b` to `n`, with mean readings ove
 
     omega = gyro - b_g,  f = acc - b_a,  dq/dt = q ⊗ omega / 2,  dv/dt = R f + g,  dp/dt = v
 
-Errors, true minus estimate, in `n` but for the biases; with R_true = exp(S(eta)) R,
+Errors are true minus estimate, in `n` (the biases in `b`); with R_true = exp(S(eta)) R,
 
     zeta = exp(-S(eta)) v_true - v,   dp/dt = zeta - S(v) eta,   deta/dt = -R (db_g + n_g),
     dzeta/dt = S(g) eta - S(v) R (db_g + n_g) - R (db_a + n_a)
 
-zeta is the error of the velocity in body axes, turned into `n`. Only gravity ties tilt to it. The
-error of v itself would be tied to tilt by S(f), and a DVL's by S(y), both of which carry noise:
-station kept for long, a filter takes that noise for motion and believes to see the tilt that it
-cannot tell from the accelerometers' bias. In `n` nothing but R and v varies in these equations,
-so that one transition may span many steps of the mechanisation.
+zeta is the error of the velocity in body axes, rotated into `n`. Only gravity couples it to tilt.
+The error of v itself would be coupled to tilt by S(f), and a DVL reading by S(y); both contain
+noise. During long station keeping, a filter would interpret this noise as motion, and would wrongly
+reduce the uncertainty of tilt, which cannot be separated from the accelerometers' bias. In `n`,
+only R and v vary in these equations, so one transition may span many steps of the mechanisation.
 """
 
 from __future__ import annotations
@@ -87,10 +87,10 @@ def corrected(x: Inertial, e: ca.SX) -> Inertial:
 def transported(P: ca.SX, before: ca.SX, after: ca.SX) -> ca.SX:
     """Return the covariance after a correction that turned the attitude from `before` to `after`.
 
-    The errors of the biases are turned against it in body axes, and so stay what they were in `n`.
-    Where tilt cannot be told from the accelerometers' bias, the two that look the same are
-    S(g) eta = R db_a, with the R of now: left as they were in body axes, each correction would
-    make them look different.
+    The errors of the biases are rotated back in body axes, so that they do not change in `n`. If
+    tilt cannot be separated from the accelerometers' bias, the indistinguishable errors satisfy
+    S(g) eta = R db_a with the present R. Without the rotation, each correction would seem to
+    separate them.
     """
     M = ca.SX.eye(P.size1())
     M[9:12, 9:12] = M[12:15, 12:15] = ca.mtimes(R(after).T, R(before))

@@ -1,7 +1,7 @@
-"""A trained policy as a component: its file's network, with what it observes and what it moves.
+"""A trained policy as a component: the network of its file, with its observations and actions.
 
-A policy of target tracking takes the place of a pilot (policy_tracking.py): it sees vehicles and
-target, and gives a force. Any other policy observes and acts on plain numbers:
+A policy of target tracking replaces a pilot (policy_tracking.py): it observes vehicles and target,
+and its output is a force. Any other policy observes and acts on plain numbers:
 
     action = (low + high) / 2 + (high - low) / 2  network(clip(observation))
 

@@ -1,8 +1,8 @@
 """The network of a policy in equations: an observation becomes actions in [-1, 1].
 
-A policy with a memory is a decision transformer and its history of K actions. The history is held
-in discrete states and moves on with each action. The return to go begins at the parameter
-`return_to_go` and falls by the input `reward`, what the last action was worth.
+A policy with a memory is a decision transformer with a history of K actions. Discrete states hold
+the history, which is shifted with each action. The return to go starts at the parameter
+`return_to_go` and is reduced by the input `reward`, the reward of the last action.
 """
 
 from __future__ import annotations

@@ -1,9 +1,10 @@
-"""A policy of target tracking as a component in the place of a pilot.
+"""A policy of target tracking as a component that replaces a pilot.
 
-Every `action_step` seconds it makes the egocentric observation that it was trained on, of its own
-pose, the others', the target and the obstacles (envs/tasks/tracking_observation.py: order, scales,
-nearest first; a test holds both equal). The network's two numbers, times a_max and omega_max, are
-held until the next. With them the equations of the pilot (pilot.py) go on, sample by sample.
+Every `action_step` seconds it computes the egocentric observation of its training, from its own
+pose, those of the other vehicles, the target and the obstacles (order and scales as in
+envs/tasks/tracking_observation.py, nearest first; a test compares both). The network's two outputs,
+times a_max and omega_max, are held until the next action. They are the inputs of the pilot's
+equations (pilot.py), which are evaluated at each sample.
 """
 
 from __future__ import annotations

@@ -24,7 +24,7 @@ import casadi as ca
 
 from uuvsim_cosim.errors import ParameterInvalid
 from uuvsim_cosim.models.declaration.kinematics import R
-from uuvsim_cosim.models.declaration.model import Clock, Model
+from uuvsim_cosim.models.declaration.model import Clock, Model, is_on
 from uuvsim_cosim.models.declaration.preset import Preset, preset
 from uuvsim_cosim.models.declaration.safe_math import abs_, clip
 from uuvsim_cosim.models.declaration.sampled import held_output, only_when
@@ -59,9 +59,10 @@ def dvl(
 ) -> Model:
     """Declare the DVL of a preset, which pings every `period` seconds.
 
-    With `track` "both" it has water track as well, and an input `v_c`. With `aperiodic` its pings
-    follow the range, and `period` is what their instants are rounded up to: "0.01", say. With a
-    `scene` it ranges over that instead of a plane, and sees `others` further vehicles.
+    With `track` "both", it also has water track and an input `v_c`. With `aperiodic`, the ping
+    interval follows the range, and the instants are rounded up to multiples of `period`, for
+    example "0.01". With a `scene`, it measures ranges to the scene instead of a plane, and to
+    `others` further vehicles.
     """
     if track not in ("bottom", "both"):
         raise ParameterInvalid("dvl", f"track = {track!r}", "bottom or both")
@@ -114,7 +115,7 @@ def dvl(
     validity_and_time(m, ping, enough, "three beams or more")
     if track == "both":
         _water_track(m, ping, p, D, R_bs, ca.mtimes(Rnb, R_bs), v_s, height)
-    if aperiodic not in (False, "false", "False", "0"):
+    if is_on("aperiodic", aperiodic):
         # The next ping waits until the last one's echo has come back.
         low = p.parameter(m, "period_min", "s", "from ping to ping, near the bottom", min=1e-3)
         words = "from ping to ping at the longest range, and without an echo"

@@ -1,9 +1,9 @@
 """A link that carries samples with delay, noise and loss.
 
-At sample k, x_k + sigma w_k is sent, and what was sent d samples ago arrives, where d is the delay
-over the sample period, rounded up: it then is shown, with the time at which it was sent. What is
-lost leaves the last one standing. Before the first arrival the link shows the first sample, as if
-the sender had stood there for long.
+At sample k, x_k + sigma w_k is sent, and the sample of d samples ago arrives, where d is the delay
+divided by the sample period, rounded up. The output is then the arrived sample, with the time at
+which it was sent. If a sample is lost, the output keeps its value. Before the first arrival, the
+output is the first sample, as if the sender had not moved before.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from fractions import Fraction
 import casadi as ca
 
 from uuvsim_cosim.errors import ParameterInvalid
-from uuvsim_cosim.models.declaration.model import Model
+from uuvsim_cosim.models.declaration.model import Model, is_on
 from uuvsim_cosim.models.declaration.preset import preset
 from uuvsim_cosim.models.declaration.safe_math import norm
 from uuvsim_cosim.models.declaration.sampled import BEFORE_FIRST
@@ -38,8 +38,8 @@ def link(
     `unit` is one for all, or one for each, with commas between. A preset `id` gives the delay, the
     loss and the noise, the same of all numbers.
 
-    With `ranged` what is carried is a position, and an input `receiver` (3) says from where:
-    beyond `range_max` everything is lost.
+    With `ranged`, the transmitted value is a position, and the input `receiver` (3) is the position
+    of the receiver: beyond `range_max` every sample is lost.
     """
     n = int(size)
     units = tuple(unit.split(",")) if "," in unit else (unit,) * n
@@ -78,7 +78,7 @@ def link(
 
     sent = x + sigma * m.normal(sample, n)
     heard = ca.if_else(uniform(m, sample) > loss, 1.0, 0.0)
-    if ranged not in (False, "false", "False", "0"):
+    if is_on("ranged", ranged):
         receiver = m.input("receiver", 3, unit="m", description="its position")
         range_max = m.parameter("range_max", 100.0, unit="m", min=0, description="of the link")
         heard = ca.if_else(norm(x[:3] - receiver) > range_max, 0.0, heard)

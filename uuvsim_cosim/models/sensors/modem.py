@@ -1,20 +1,21 @@
 """Acoustic modems on a shared medium: packets with travel time, loss and collisions.
 
-Node i may send in its slot at a tick of `send`: `x_i` as it is then. A packet lasts D = bits /
-bit_rate on the air, begins to arrive at node j after d_ij / c, and is shown, with the time it was
-sent, when it has arrived in whole and `processing` has passed. It is lost
+Node i may send its present `x_i` in its slot at a tick of `send`. A packet has the duration
+D = bits / bit_rate and starts to arrive at node j after d_ij / c. It appears at the output, with
+the time at which it was sent, `processing` seconds after its last bit. It is lost
 
-* by chance, with probability 1 - (1 - loss)(1 - s), where s goes smoothly from 0 at `range_full`
-  to 1 at `range_max`; beyond that nothing is heard and nothing disturbs;
-* where another packet arrives at j within the same D, and so is that one (collision);
-* where j sends within the same D (half duplex).
+* at random, with probability 1 - (1 - loss)(1 - s), where s rises smoothly from 0 at `range_full`
+  to 1 at `range_max`; beyond `range_max`, a packet is neither received nor does it interfere;
+* if another packet arrives at j within the same D; that packet is lost too (collision);
+* if j sends within the same D (half duplex).
 
-`travel_time` is that of the packet, for ranges from clocks that agree: a beacon's. A radio is the
-same with c = 3e8 m/s. What `link` says of one sender, a delay and a loss is the special case.
+`travel_time` is that of the packet; with synchronised clocks, as for a beacon, it gives a range. A
+radio is the same model with c = 3e8 m/s. `link` is the special case of one sender with a delay and
+a loss.
 
-All is settled when a packet is sent: when its first bit is where, and whether it overlaps there
-with another, or with the receiver's own sending. Two packets overlap if their first bits are less
-than D apart.
+The fate of a packet is computed when it is sent: the arrival time of its first bit at each node,
+and whether it overlaps there with another packet or with a transmission of the receiver. Two
+packets overlap if their first bits are less than D apart.
 """
 
 from __future__ import annotations
@@ -221,7 +222,7 @@ def _arrive(
     processing: ca.SX,
     sigma: ca.SX,
 ) -> None:
-    """Show what has arrived at a tick, and declare the outputs."""
+    """Output the packets that have arrived at a tick, and declare the outputs."""
     w = m.normal(clock, medium.nodes)
     status = dict(medium.status)
     for j in range(medium.nodes):

@@ -134,9 +134,21 @@ class Beams:
 
 
 def beams_of(kind: str, id: str = "", **options: int | str) -> Beams:
-    """Return the rays and the mounting of a `multibeam` or `depth_camera` preset.
+    """Return the rays and the mounting of a sensor, whose `kind` is multibeam or depth_camera.
 
-    `options` are those of the component: `beams`, or `columns` and `rows`.
+    `id` is the preset, by default the usual one. `options` are those of the component: ``beams``,
+    or ``columns`` and ``rows``. The result has `directions` (n, 3) in sensor axes `s`, the position
+    `r_s` (3,) [m] and the rotation `R_bs` (3, 3) from `s` to `b`. Raises ParameterInvalid for
+    another kind or too many rays.
+
+    Example:
+
+    >>> from uuvsim_cosim.models import beams_of
+    >>> beams = beams_of("multibeam", beams=3)
+    >>> beams.directions.round(2)
+    array([[ 0.  , -0.91,  0.42],
+           [ 0.  ,  0.  ,  1.  ],
+           [ 0.  ,  0.91,  0.42]])
     """
     if kind not in PRESETS:
         raise ParameterInvalid(f"beams of {kind!r}", "multibeam or depth_camera")

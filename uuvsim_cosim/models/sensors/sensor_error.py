@@ -57,8 +57,8 @@ def sensor_error(
 ) -> ca.SX:
     """Declare an error of `size` independent axes; return its value at a tick of the clock.
 
-    Its bias moves on at the ticks of `wander`, where that is given: a slower clock, declared
-    before `clock`, so that a fast sensor need not draw its bias anew for every reading.
+    If the clock `wander` is given, the bias changes at its ticks. It is slower than `clock` and
+    declared before it, so that a fast sensor need not draw a bias for every reading.
     """
     drawn = clock if wander is None else wander
     T, T_w = float(clock.period), float(drawn.period)

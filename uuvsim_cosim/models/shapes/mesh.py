@@ -28,6 +28,7 @@ __all__ = [
     "repaired",
     "silhouette",
     "solid_of",
+    "welded",
 ]
 
 Array = NDArray[np.float64]
@@ -98,9 +99,7 @@ def repaired(triangles: Array, place: str) -> Mesh:
                 f"would make it {longest * guess:.3g} m"
             ),
         )
-    key = np.round((points - points.min(axis=0)) / (_WELD * longest)).astype(np.int64)
-    _, first, back = np.unique(key, axis=0, return_index=True, return_inverse=True)
-    corners, faces = points[first], back.reshape(-1, 3).astype(np.int64)
+    corners, faces = welded(triangles)
     notes = []
     flat = (
         (faces[:, 0] == faces[:, 1]) | (faces[:, 1] == faces[:, 2]) | (faces[:, 2] == faces[:, 0])
@@ -128,6 +127,15 @@ def repaired(triangles: Array, place: str) -> Mesh:
             "normal points outwards"
         )
     return Mesh(corners[faces], tuple(notes))
+
+
+def welded(triangles: Array) -> tuple[Array, NDArray[np.int64]]:
+    """Return corners (n, 3) [m] and faces (m, 3): corners that all but coincide are one."""
+    points = triangles.reshape(-1, 3)
+    longest = float(np.ptp(points, axis=0).max())
+    key = np.round((points - points.min(axis=0)) / (_WELD * longest)).astype(np.int64)
+    _, first, back = np.unique(key, axis=0, return_index=True, return_inverse=True)
+    return points[first], back.reshape(-1, 3).astype(np.int64)
 
 
 def _ascii_stl(path: Path, data: bytes) -> Array:

@@ -94,5 +94,6 @@ _READERS: dict[str, Callable[[Path], object]] = {
     "published.yaml": lambda folder: read_yaml(
         folder / "published.yaml", "published.schema.json", _intervals
     ),
+    "speeds.yaml": lambda folder: read_yaml(folder / "speeds.yaml", "speeds.schema.json"),
     "checks.yaml": lambda folder: read_yaml(folder / "checks.yaml", "checks.schema.json"),
 }

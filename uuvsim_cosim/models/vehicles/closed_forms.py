@@ -2,11 +2,11 @@
 
 A hull is checked as a whole, by the equations that it is simulated with:
 
-* M is symmetric and positive definite (its symmetric part; else added mass would drive);
+* M is symmetric and positive definite (its symmetric part; else added mass would add energy);
 * no principal moment of inertia about CG exceeds the sum of the other two;
-* weightless and without tau, nu' M nu_dot <= 0: damping takes energy and Coriolis does no work;
-* level, weight and buoyancy make no moment; tilted, they turn it back;
-* it weighs about what it displaces.
+* without weight and tau, nu' M nu_dot <= 0: damping removes energy and Coriolis does no work;
+* at level attitude, weight and buoyancy make no moment; at a tilt, they restore the attitude;
+* weight is close to the weight of the displaced water.
 """
 
 from __future__ import annotations

@@ -26,7 +26,17 @@ INK, HULL, PUSH, FIN = "#1f2937", "#e5e7eb", "#b45309", "#0f766e"
 
 
 def write_outlines(root: Path | None = None) -> list[Path]:
-    """Write `outline.svg` into the folder of each vehicle whose file states its size."""
+    """Write a drawing, `outline.svg`, of each vehicle whose file states its size; return the files.
+
+    They are in a folder for each vehicle below `root`, by default that of the vehicle's data.
+
+    Example:
+
+    >>> from pathlib import Path
+    >>> from uuvsim_cosim.models import write_outlines
+    >>> write_outlines(Path("drawings"))[0].as_posix()
+    'drawings/bluerov2/outline.svg'
+    """
     written = []
     for id in vehicle_ids():
         if vehicle_size(id) is not None:

@@ -5,7 +5,7 @@ All figures result from the equations that are simulated, submerged, not from si
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import casadi as ca
@@ -32,6 +32,7 @@ __all__ = [
     "Oscillation",
     "VehicleFigures",
     "ambiguous_numbers",
+    "submerged_force",
     "vehicle_figures",
 ]
 
@@ -82,18 +83,12 @@ def vehicle_figures(address: str, U: float) -> VehicleFigures:
     numbers = {k: q.value for k, q in parameter_set(*split_address(address)).quantities.items()}
     model = declare(address, surface=False)
     at = Coordinates(model)
-    f, jacobians = at.functions
+    _, jacobians = at.functions
     M = total_mass(model)
+    force = submerged_force(at, M)
     rigid = structure({k: v for k, v in numbers.items() if not k.startswith("M_A_")})
     M_RB, W, B, r_g, r_b = (np.array(ca.DM(ca.evalf(ca.densify(ca.SX(v))))) for v in rigid[:5])
-    x_0, u_0 = at.point(None)
-    x_0[2:] = 0.0
-    x_0[2] = 50.0
-
-    def force(nu: Array) -> Array:
-        x = x_0.copy()
-        x[6:12] = nu
-        return np.asarray(M @ np.array(f(x, u_0)[0]).ravel()[6:12])
+    x_0, u_0 = _level(at)
 
     def terminal(axis: int, push: float) -> float:
         from scipy.optimize import brentq
@@ -138,6 +133,31 @@ def vehicle_figures(address: str, U: float) -> VehicleFigures:
         lateral=np.linalg.eigvals(A_U[np.ix_([7, 11], [7, 11])]).astype(complex),
         vertical=np.linalg.eigvals(A_U[np.ix_([8, 10, 4], [8, 10, 4])]).astype(complex),
     )
+
+
+def submerged_force(hull: Coordinates, M: Array) -> Callable[[Array], Array]:
+    """Return the force on a hull as a function of nu (6,): [N, N.m] about CO in b.
+
+    The hull is level, 50 m deep, in still water, and no actuator pushes. `M` (6, 6) is its mass
+    with added mass; the force is M d(nu)/dt, so that weight, buoyancy, damping and Coriolis terms
+    are in it.
+    """
+    x_0, u_0 = _level(hull)
+
+    def force(nu: Array) -> Array:
+        x = x_0.copy()
+        x[6:12] = nu
+        return np.asarray(M @ np.array(hull.functions[0](x, u_0)[0]).ravel()[6:12])
+
+    return force
+
+
+def _level(hull: Coordinates) -> tuple[Array, Array]:
+    """Return x and u of a hull at rest, level, 50 m deep."""
+    x, u = hull.point(None)
+    x[2:] = 0.0
+    x[2] = 50.0
+    return x, u
 
 
 def _oscillation(A: Array, angle: int) -> Oscillation:

@@ -6,7 +6,8 @@ longitude), or at (northing, easting) of a projected file; without them, at the 
     N = M (lat - lat_0),   E = R cos(lat_0) (lon - lon_0)
 
 with the radii of curvature M and R of WGS 84 at lat_0 (Hofmann-Wellenhof et al. 2003, Navigation,
-section 2.1.1). A plane: it is off by 1 in 1,000 at 15 km from the origin at 45 degrees.
+section 2.1.1). This is a plane approximation: its error is 1 in 1,000 at 15 km from the origin at
+45 degrees.
 """
 
 from __future__ import annotations

@@ -11,10 +11,10 @@ mean level e stays 1). Over a bottom at the depth h, of the same table,
     omega² = g k tanh(k h),   e = cosh k(h - depth) / sinh kh in v_h,   sinh k(h - depth) / sinh kh
     in v_D
 
-No drift, and hulls that are short against the waves. Of a directional sea each component runs its
-own way, as often as cos^2s(theta/2) says (Longuet-Higgins, Cartwright and Smith 1963): with one
-direction a frequency, components do not interfere (Miles and Funke 1989). The hull's options
-`waves` and `surface` make forces of a_c and zeta.
+There is no drift, and hulls must be short compared with the waves. In a directional sea, each
+component has its own direction, distributed as cos^2s(theta/2) (Longuet-Higgins, Cartwright and
+Smith 1963). With one direction per frequency, components do not interfere (Miles and Funke 1989).
+The hull's options `waves` and `surface` turn a_c and zeta into forces.
 """
 
 from __future__ import annotations
@@ -41,12 +41,12 @@ def waves(
     """Declare waves at the hull; with components=1 a regular one of height H_s and period T_p.
 
     With `bottom` there is a parameter h, the depth of the water. `spreading` is the exponent s of
-    a directional sea: 1 for a confused one, 10 for a wind sea, 75 for long swell; none for long
-    crests.
+    a directional sea: 1 for a confused sea, 10 for a wind sea, 75 for long swell; without it, waves
+    are long-crested.
 
-    Of more, each stands in its own band of the spectrum, at a place that no other shares, so that
-    the sea does not repeat; amplitudes are such that its variance is H_s² / 16; phases are drawn
-    at the first sample, and before it the water is at rest.
+    With more components, each has its own band of the spectrum and a position in the band that no
+    other component has, so that the sea does not repeat. The amplitudes give the variance
+    H_s² / 16. Phases are drawn at the first sample; before it, the water is at rest.
     """
     n = int(components) if str(components).isdigit() else 0
     if n < 1:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import hashlib
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import partial
 from math import cos, hypot, sin
 from pathlib import Path
 
@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uuvsim_cosim.errors import InputInvalid, ParameterInvalid
-from uuvsim_cosim.models.declaration.files_read import noted
+from uuvsim_cosim.models.declaration.files_read import noted, shared_until_changed
 from uuvsim_cosim.models.shapes.tree import Tree, tree_of
 from uuvsim_cosim.models.worlds.obstacles import Box, Capsule, Cylinder, Obstacle, Sphere
 from uuvsim_cosim.models.worlds.placed_mesh import PlacedMesh, unique_rows
@@ -89,14 +89,8 @@ def scene_named(scene: str) -> Scene:
 
 
 def ground_named(scene: str) -> Ground:
-    """Pack the scene that an option names; its files are read again only where they changed."""
-    files: list[Path] = []
-    if scene.endswith(".npz"):
-        files = [Path(scene).expanduser()]
-    elif scene != "flat":
-        files = sorted(f for f in find_scene(scene).iterdir() if f.is_file())
-    stamps = [(f.stat().st_mtime_ns, f.stat().st_size) for f in map(noted, files) if f.is_file()]
-    return _kept(scene, tuple(stamps))
+    """Pack the scene that an option names; it is read again after a change of one of its files."""
+    return _shared(scene)
 
 
 def touched_ground(scene: str) -> Ground:
@@ -105,7 +99,8 @@ def touched_ground(scene: str) -> Ground:
     if ground.surfaces.touched:
         raise ParameterInvalid(
             f"scene {scene}",
-            f"a hull does not feel meshes ({', '.join(ground.surfaces.touched)})",
+            "contact does not act between a hull and meshes "
+            f"({', '.join(ground.surfaces.touched)})",
             (
                 "obstacles where a hull may touch, and contact: false at each mesh "
                 "that it may pass through"
@@ -114,8 +109,11 @@ def touched_ground(scene: str) -> Ground:
     return ground
 
 
-@lru_cache(maxsize=8)
-def _kept(scene: str, stamps: tuple[tuple[int, int], ...]) -> Ground:
+@partial(shared_until_changed, most=8)
+def _shared(scene: str) -> Ground:
+    if scene != "flat" and not scene.endswith(".npz"):
+        for file in find_scene(scene).iterdir():
+            noted(file)
     return ground_of(scene_named(scene))
 
 

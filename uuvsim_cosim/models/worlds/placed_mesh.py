@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from math import cos, pi, sin
 from pathlib import Path
 from typing import TypeVar
+from urllib.parse import unquote
 
 import numpy as np
 from numpy.typing import NDArray
@@ -116,6 +117,8 @@ def placed_mesh(
             f"orientation: {list(orientation)}",
             "rad, from -2 pi to 2 pi: are these degrees?",
         )
+    for part in gltf_parts(file):
+        noted(file.parent / part)  # trimesh reads it
     triangles = finite_triangles(raw_triangles(file), file.name)
     if len(triangles) > MOST_TRIANGLES:
         raise InputInvalid(
@@ -176,9 +179,12 @@ def unique_rows(rows: NDArray[Real]) -> tuple[NDArray[Real], NDArray[np.intp]]:
 
 
 def gltf_parts(file: Path) -> list[str]:
-    """List the files beside a .gltf that it reads: buffers and images."""
+    """List the files that a .gltf reads, relative to its folder: buffers and images."""
     if file.suffix.lower() != ".gltf":
         return []
-    read = json.loads(noted(file).read_text(encoding="utf-8"))
-    named = [part.get("uri", "") for key in ("buffers", "images") for part in read.get(key, ())]
-    return [uri for uri in named if uri and not uri.startswith("data:") and "/" not in uri]
+    try:
+        read = json.loads(noted(file).read_text(encoding="utf-8"))
+        named = [part.get("uri", "") for key in ("buffers", "images") for part in read.get(key, ())]
+    except (ValueError, AttributeError, TypeError):
+        return []  # trimesh says what is wrong with it
+    return [unquote(uri) for uri in named if uri and not uri.startswith("data:")]

@@ -12,6 +12,7 @@ from typing import Any
 
 from uuvsim_cosim.content import content
 from uuvsim_cosim.errors import InputInvalid, ParameterInvalid, Problem
+from uuvsim_cosim.models.declaration.modeline import headed, keep_schemas
 from uuvsim_cosim.models.declaration.near_names import expected_names
 from uuvsim_cosim.models.declaration.parameter_files import line_of, read_yaml
 from uuvsim_cosim.models.worlds.obstacles import Box, Capsule, Cylinder, Obstacle, Sphere
@@ -170,13 +171,22 @@ def save_scene(scene: Scene, folder: Path) -> None:
                 "a scene has its meshes beside scene.yaml"
             )
     for name, file in files.items():
-        beside = [file.with_name(p) for p in gltf_parts(file)]
-        for source, target in [(file, folder / name), *((p, folder / p.name) for p in beside)]:
+        parts = gltf_parts(file)
+        if any(".." in Path(part).parts or Path(part).is_absolute() for part in parts):
+            raise InputInvalid(
+                file, "reads files outside of its folder", "files beside or below it"
+            )
+        for source, target in [
+            (file, folder / name), *((file.parent / part, folder / part) for part in parts)
+        ]:  # fmt: skip
             if source != target.resolve():
+                target.parent.mkdir(parents=True, exist_ok=True)
                 shutil.copyfile(source, target)
     if scene.terrain is not None:
         save_terrain(scene.terrain, folder / "terrain.npz")
-    (folder / "scene.yaml").write_text(_text(scene), encoding="utf-8")
+    file = folder / "scene.yaml"
+    file.write_text(headed("scene", _text(scene)), encoding="utf-8")
+    keep_schemas(file)
 
 
 def _text(scene: Scene) -> str:

@@ -26,13 +26,25 @@ class Terrain:
     Node (i, j) stands at N = origin[0] + i * spacing, E = origin[1] + j * spacing, in metres of
     the local frame `n`, whose origin is at (northing, easting) of `crs`. The cell between the
     nodes (i, j) and (i+1, j+1) is cut along the diagonal that joins these two.
+
+    `z` (n_N, n_E) [m] is positive down from the `vertical_datum`, NaN where unknown; `sigma` [m] is
+    its standard deviation and `material` an index into `materials`, both shaped as `z`. `source`
+    is where it comes from, with its terms. Raises InputInvalid for shapes that do not fit.
+
+    Example: a bottom that slopes from 20 m down to 26 m.
+
+    >>> import numpy as np
+    >>> from uuvsim_cosim.models import Terrain
+    >>> z = np.repeat([[20.0], [22.0], [24.0], [26.0]], 3, axis=1).astype(np.float32)
+    >>> Terrain(z, spacing=10.0, origin=(0.0, -10.0)).extent
+    (0.0, 30.0, -10.0, 10.0)
     """
 
     z: NDArray[np.float32]  # m, positive down from the vertical datum; (n_N, n_E); NaN: unknown
     spacing: float  # m, the same both ways
     origin: tuple[float, float]  # m, N and E of node (0, 0)
     sigma: NDArray[np.float32] | None = None  # m, standard deviation of z, shaped as z
-    crs: str = ""  # "EPSG:32610"; empty where the grid stands nowhere on Earth
+    crs: str = ""  # "EPSG:32610"; empty if the grid has no position on Earth
     northing: float = 0.0  # m, of the local frame's origin in crs
     easting: float = 0.0  # m
     vertical_datum: str = ""  # "MLLW"; empty where unknown
@@ -52,7 +64,7 @@ class Terrain:
 
     @property
     def extent(self) -> tuple[float, float, float, float]:
-        """Smallest and greatest N, smallest and greatest E (m)."""
+        """Smallest and greatest N, smallest and greatest E [m]."""
         north, east = self.origin
         rows, columns = self.z.shape
         far_north = north + (rows - 1) * self.spacing

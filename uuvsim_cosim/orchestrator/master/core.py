@@ -104,6 +104,28 @@ class Core:
             self._core, member, a.action, a.type, a.slot, a.n_values, n, references, a.function
         )
 
+    def in_place(
+        self,
+        member: int,
+        find: int,
+        steps: int,
+        offsets: Sequence[int],
+        bounds: Sequence[tuple[float, float]],
+    ) -> None:
+        """Let the loop read and write a component's values in its own memory, after its `access`es.
+
+        `find` is the address of the FMU's function that finds them, 0 for a native member, and
+        `steps` that of the function which steps several instances.
+        `offsets` are those of the inputs, then of the outputs, in the order of their slots;
+        `bounds` are those of the inputs.
+        """
+        low, high = zip(*bounds, strict=True) if bounds else ((), ())
+        doubles = ctypes.c_double * len(bounds)
+        self._c.uuv_core_in_place(
+            self._core, member, find, steps, (ctypes.c_uint32 * len(offsets))(*offsets),
+            doubles(*low), doubles(*high),
+        )  # fmt: skip
+
     def transfer(
         self,
         target: int,

@@ -146,6 +146,7 @@ def library() -> ctypes.CDLL:
         "uuv_core_name": (None, [pointer, u32, ctypes.c_char_p]),
         "uuv_core_guard": (None, [pointer, pointer, pointer]),
         "uuv_core_access": (i, [pointer, u32, i, i, u32, u32, u32, pointer, pointer]),
+        "uuv_core_in_place": (i, [pointer, u32, pointer, pointer, pointer, pointer, pointer]),
         "uuv_core_transfer": (i, [pointer, u32, u32, u32, u32, i, double, double, u32, pointer]),
         "uuv_core_state": (i, [pointer, u32, pointer, pointer, pointer, size]),
         "uuv_core_iterate": (i, [pointer, u32, u32, i, double, u32]),
@@ -187,6 +188,7 @@ def library() -> ctypes.CDLL:
         "uuv_core_set_image": (None, [pointer, ctypes.c_char_p]),
         "uuv_core_propagate": (i32, [pointer, u64, u32, pointer]),
         "uuv_core_instance": (None, [pointer, u32, pointer, pointer]),
+        "uuv_core_any": (i, [pointer, u32]),
         "uuv_core_slots": (pointer, [pointer]),
         "uuv_core_fresh": (pointer, [pointer]),
         "uuv_core_read_blob": (pointer, [pointer, pointer]),
@@ -196,7 +198,7 @@ def library() -> ctypes.CDLL:
         function = getattr(c, name)
         function.restype, function.argtypes = result, arguments
     # Functions that allocate memory return 0 if there is none.
-    for name in ("access", "transfer", "state", "iterate", "fault", "record"):
+    for name in ("access", "in_place", "transfer", "state", "iterate", "fault", "record"):
         getattr(c, f"uuv_core_{name}").errcheck = check_memory
     return c
 

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Sequence
+import sys
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import groupby
@@ -135,6 +136,7 @@ def tables_of(
     )
     n_slots = first_output + sum(p.variable.size for p in outputs.values())
     core = Core(len(order), n_slots, plan.tick)
+    set_, got = _by_member(inputs, len(order)), _by_member(outputs, len(order))
     sequential = {i for g in plan.groups if g.algorithm != "jacobi" for i in g.members}
     for member, i in enumerate(order):
         b = bindings[member]
@@ -144,15 +146,16 @@ def tables_of(
         kept = b.functions.get("StateKept", 0)
         path = components[i].path
         core.member(member, b.kind, b.instance, step, get, kept, ticks, i in sequential, path)
-        for action, placed in ((Action.SET, inputs), (Action.GET, outputs)):
-            own = [p for p in placed.values() if p.member == member]
+        for action, own in ((Action.SET, set_[member]), (Action.GET, got[member])):
             for access in _accesses(b, action, own, components[i].path):
                 core.access(member, access)
+        if "DoSteps" in b.functions:  # a component of this package
+            offsets = [i for p in (*set_[member], *got[member]) for i in _offsets(p.variable)]
+            bounds = [x for p in set_[member] for x in [_bounds(b, p.variable)] * p.variable.size]
+            find = b.functions.get("FindValues", 0)
+            core.in_place(member, find, b.functions["DoSteps"], offsets, bounds)
         if isinstance(b, SharedBinding):
-            b.exchange.open(
-                *([p.variable for p in side.values() if p.member == member]
-                  for side in (inputs, outputs))
-            )  # fmt: skip
+            b.exchange.open(*([p.variable for p in own[member]] for own in (set_, got)))
         if b.kind == BindingKind.NATIVE and "GetFMUState" in b.functions:
             core.state(member, *_state_functions(b, components[i]))
     tables = Tables(core, plan, order, tuple(bindings), inputs, outputs)
@@ -190,16 +193,19 @@ def _exchanged(
     They are those of the transfers, and `further` ones by component. A component that is called
     back in Python, here or in its own process, exchanges all.
     """
+    more: dict[int, set[str]] = {}
+    for i, v in further:
+        more.setdefault(i, set()).add(v.name)
     for member, i in enumerate(order):
         b, described = bindings[member], components[i].description
         if BindingKind.CALLBACK in (b.kind, b.served if isinstance(b, SharedBinding) else b.kind):
             yield member, i, described.of("output", "local") if outputs else described.of("input")
             continue
         if outputs:
-            names = {t.source_variable.name for t in plan.transfers if t.source == i}
+            names = {t.source_variable.name for t in plan.from_component.get(i, ())}
         else:
-            names = {t.target_variable.name for t in plan.transfers if t.target == i}
-        names |= {v.name for j, v in further if j == i}
+            names = {t.target_variable.name for t in plan.to_component.get(i, ())}
+        names |= more.get(i, set())
         yield member, i, [v for v in described.variables.values() if v.name in names]
 
 
@@ -212,22 +218,39 @@ def _place(exchanged: _Exchanged, first: int) -> dict[tuple[int, str], Placed]:
     return placed
 
 
+def _by_member(placed: Mapping[tuple[int, str], Placed], n: int) -> list[list[Placed]]:
+    found: list[list[Placed]] = [[] for _ in range(n)]
+    for p in placed.values():
+        found[p.member].append(p)
+    return found
+
+
 def _accesses(b: Binding, action: Action, placed: Sequence[Placed], path: str) -> Iterator[Access]:
     """Yield the calls that set or get a member's variables, one for each type."""
     for type_, same in groupby(placed, lambda p: Type.of(p.variable)):
         run = list(same)
         count = sum(p.variable.size for p in run)
-        references: list[int] = []
-        for v in (p.variable for p in run):
-            if b.kind == BindingKind.NATIVE and len(v.value_references) != v.size:
-                # A native component's references are offsets, one for each element.
-                references += range(v.value_references[0], v.value_references[0] + v.size)
-            else:
-                references += v.value_references
+        of = _offsets if b.kind == BindingKind.NATIVE else lambda v: v.value_references
+        references = [reference for p in run for reference in of(p.variable)]
         function = 0
         if b.kind in (BindingKind.FMI2, BindingKind.FMI3):
             function = _function(b, fmi_name(b.kind, action, type_), path)
         yield Access(action, type_, run[0].slot, count, tuple(references), function)
+
+
+def _offsets(v: Variable) -> range:
+    """Return the places of a variable's elements in the block of a component of this package."""
+    return range(v.value_references[0], v.value_references[0] + v.size)
+
+
+def _bounds(b: Binding, v: Variable) -> tuple[float, float]:
+    """Return the bounds that the component checks when an input is set."""
+    if b.kind == BindingKind.NATIVE:
+        return -math.inf, math.inf
+    most = sys.float_info.max
+    widest = {"Float64": (-most, most), "Int32": (-(2.0**31), 2.0**31 - 1.0)}
+    low, high = widest.get(v.type, (0.0, 1.0))
+    return (low if v.min is None else max(low, v.min), high if v.max is None else min(high, v.max))
 
 
 def fmi_name(kind: BindingKind, action: Action, type_: Type) -> str:

@@ -26,10 +26,25 @@ _NEEDS = {
 
 @dataclass(frozen=True)
 class Fault:
-    """Fault of a signal: of an output, or of elements of it ("dvl.beam_velocity[1]").
+    """Fault of a `signal`: of an output, or of elements of it ("dvl.beam_velocity[1]").
 
-    `value` is in the variable's unit; for a "delay" in seconds, for a "drop" the probability that
-    a sample is lost, so that receivers get the previous one again. "freeze" needs none.
+    `kind` is "override", "bias", "scale", "freeze", "delay" or "drop". `value` is in the variable's
+    unit; for "scale" a factor, for "delay" in seconds, for "drop" the probability that a sample is
+    lost, so that receivers get the previous one again. "freeze" needs none. `Master.faults` checks
+    it.
+
+    Example: a depth that all receivers see 0.5 m too deep.
+
+    >>> import uuvsim_cosim as uuv
+    >>> from uuvsim_cosim.orchestrator import Fault, flatten, prepare
+    >>> plan = flatten(uuv.load("bluerov2_hold"))
+    >>> with uuv.Master(plan, prepare(plan)) as master:
+    ...     master.initialize()
+    ...     before = master.get("hull", "eta")[2]
+    ...     number = master.faults.add(Fault("hull.eta[3]", "bias", 0.5))
+    ...     master.step()
+    ...     print(f"{master.get('hull', 'eta')[2] - before:.2f} m")
+    0.50 m
     """
 
     signal: str

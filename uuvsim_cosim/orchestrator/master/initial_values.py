@@ -30,9 +30,9 @@ def propagate(plan: Plan, components: Sequence[Component], time: float) -> None:
     # Transfers of solved loops: setting them again would add a rounding error times the gain.
     solved: set[int] = set()
     for entry in plan.initialization:
-        members = set(entry)
-        into = [t for t in plan.transfers if t.target in members and id(t) not in solved]
-        set_inputs(components, into)
+        members = sorted(set(entry))
+        into = [t for i in members for t in plan.to_component.get(i, ())]
+        set_inputs(components, [t for t in into if id(t) not in solved])
         if len(entry) > 1:
             inner = [t for t in plan.transfers if t.target in members and t.source in members]
             solved.update(id(t) for t in solve_loop(inner, components, time))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ctypes
 import logging
 from collections.abc import Callable, Sequence
 from fractions import Fraction
@@ -24,7 +25,14 @@ from uuvsim_cosim.fmus.component import Component
 from uuvsim_cosim.fmus.description import Variable
 from uuvsim_cosim.fmus.isolation.guard import AtComponentExit
 from uuvsim_cosim.orchestrator.master import snapshot as snapshots
-from uuvsim_cosim.orchestrator.master.core_library import Failure, Outcome, Type, decode, encode
+from uuvsim_cosim.orchestrator.master.core_library import (
+    Failure,
+    Outcome,
+    Type,
+    decode,
+    encode,
+    library,
+)
 from uuvsim_cosim.orchestrator.master.core_tables import Tables, tables_of
 from uuvsim_cosim.orchestrator.master.coupling import Residual, loop_remarks, residuals_of
 from uuvsim_cosim.orchestrator.master.failure import error_of
@@ -56,13 +64,54 @@ log = logging.getLogger("uuvsim_cosim.master")
 class Master:
     """One run of a plan: initialize, then step; frees everything at the end, also after a failure.
 
-    `record` names the variables that observers get, as (path, name); by default all outputs.
-    They get every `record_every`-th communication point. `live` names variables, and `held`
-    unconnected inputs, whose present values can be read and set in the arrays of `slots`, without
-    a call. Without `measured`, no coupling residuals are measured, and steps are a little faster.
+    `plan` is what `flatten` returns, and `instantiate` makes a component of it: what `prepare`
+    returns. `record` names the variables that `observers` get, as (path, name); by default all
+    outputs. They get every `record_every`-th communication point. `live` names variables, and
+    `held` unconnected inputs, whose present values can be read and set in the arrays of `slots`,
+    without a call. Without `measured`, no coupling residuals are measured, and steps are a little
+    faster.
 
     Order of calls: `initialize`; then `step`, `run_until`, `get`, `set`, `snapshot`, `restore` and
     `reset` in any order; then `terminate` and `free`, which a ``with`` block calls.
+
+    Example:
+
+    >>> import uuvsim_cosim as uuv
+    >>> from uuvsim_cosim.orchestrator import flatten, prepare
+    >>> plan = flatten(uuv.load("bluerov2_hold"), seed=0)
+    >>> with uuv.Master(plan, prepare(plan)) as master:
+    ...     master.initialize()
+    ...     master.step(100)
+    ...     master.set("controller", "Kp", [60, 60, 80, 14, 14, 6])  # N/m, N.m/rad
+    ...     master.run_until(2.0)
+    ...     print(master.tick, master.time, master.get("hull", "eta")[2].round(2))  # depth [m]
+    200 2.0 1.21
+
+    Example: save the state and go back to it, without a ``with`` block.
+
+    >>> from pathlib import Path
+    >>> master = uuv.Master(plan, prepare(plan))
+    >>> master.initialize()
+    >>> kept = master.snapshot()
+    >>> master.step(100)
+    >>> worst = master.largest_residual
+    >>> worst == master.residuals[0], worst.source, worst.unit, master.remarks
+    (True, 'wrench.tau[3]', 'N', ())
+    >>> master.save_snapshot(Path("1s.snapshot"))
+    >>> master.restore(kept)
+    >>> master.time
+    0.0
+    >>> master.load_snapshot(Path("1s.snapshot"))
+    >>> master.time
+    1.0
+    >>> master.make_ahead(10)  # needed only for the components of `without_state`
+    >>> master.without_state
+    ()
+    >>> master.reset(seed=7, start={"hull": {"eta_0": [0, 0, 3, 0, 0, 0]}})
+    >>> float(master.get("hull", "eta")[2])  # depth [m]
+    3.0
+    >>> master.terminate()
+    >>> master.free()
     """
 
     def __init__(
@@ -111,7 +160,28 @@ class Master:
     # ---- life -----------------------------------------------------------------------------
 
     def attach(self, observer: Observer) -> None:
-        """Add an observer; before `initialize`."""
+        """Add an `observer`; before `initialize`.
+
+        Example:
+
+        >>> import uuvsim_cosim as uuv
+        >>> from uuvsim_cosim.orchestrator import flatten, prepare
+        >>> class Counter:
+        ...     rows = 0
+        ...     def begin(self, plan, columns):
+        ...         print("first column:", columns[0].name)
+        ...     def observe(self, chunk):
+        ...         self.rows += len(chunk.time)
+        ...     def end(self):
+        ...         print("rows:", self.rows)
+        >>> plan = flatten(uuv.System("tank").add("hull", "model:sphere"))
+        >>> with uuv.Master(plan, prepare(plan)) as master:
+        ...     master.attach(Counter())
+        ...     master.initialize()
+        ...     master.step(100)
+        first column: hull.eta[1]
+        rows: 101
+        """
         if self._tables is not None:
             raise InputInvalid("attach", "the run has begun", "before initialize()")
         self._watch.observers.append(observer)
@@ -119,7 +189,9 @@ class Master:
     def initialize(self, start_time: float | None = None, stop_time: float | None = None) -> None:
         """Set start values and seeds, solve Initialization Mode, and leave it.
 
-        The run begins at `start_time` [s], by default at the system's own start time.
+        The run begins at `start_time` [s], by default at the system's own start time; components
+        get `stop_time` [s]. Raises InputInvalid for a start time between two ticks,
+        LoopNotConverged for an algebraic loop without a solution.
         """
         if self._tables is not None:
             raise InputInvalid("initialize", "the run has begun", "reset()")
@@ -147,7 +219,10 @@ class Master:
         self._leave_initialization()
 
     def reset(self, seed: int | None = None, start: Starts | None = None) -> None:
-        """Go back to Initialization Mode, with another seed or other start values; no reload."""
+        """Go back to Initialization Mode, with another `seed` or other `start` values; no reload.
+
+        `start` has the values by path and name.
+        """
         self._ready()
         first = self._first
         assert first is not None
@@ -166,7 +241,7 @@ class Master:
         self._leave_initialization()
 
     def make_ahead(self, resets: int) -> None:
-        """Instantiate the FMUs that cannot copy their state in advance, for a number of resets.
+        """Instantiate the FMUs that cannot copy their state in advance, for a number of `resets`.
 
         Otherwise each reset makes a new instance of them.
         """
@@ -258,7 +333,7 @@ class Master:
         return self._seconds(self.tick)
 
     def step(self, n: int = 1) -> None:
-        """Make n communication steps; raises ComponentFailed."""
+        """Make `n` communication steps; raises ComponentFailed, LoopNotConverged."""
         try:
             steps = index(n)
         except TypeError:
@@ -278,7 +353,7 @@ class Master:
             tick = core.tick
 
     def run_until(self, time: float | Fraction | str) -> None:
-        """Step to the first communication point at or after `time` [s]."""
+        """Step to the first communication point at or after `time` [s]; errors as of `step`."""
         try:
             ticks = Fraction(str(time)) / self.plan.tick
         except ValueError:
@@ -288,7 +363,11 @@ class Master:
     # ---- values ---------------------------------------------------------------------------
 
     def get(self, path: str, name: str) -> Any:
-        """Read a value; that of a connected or recorded output is the one visible to others."""
+        """Read the variable `name` of the component at `path`, in its unit.
+
+        The value of a connected or recorded output is the one visible to others. Raises
+        InputInvalid for a name that does not exist.
+        """
         tables = self._ready()
         i, variable = self._variable(path, name)
         placed = tables.outputs.get((i, name))
@@ -299,7 +378,8 @@ class Master:
     def set(self, path: str, name: str, value: object) -> None:
         """Set an unconnected input, or a tunable parameter, between steps.
 
-        It counts from the next step on.
+        The `value` of the variable `name` of the component at `path` counts from the next step on.
+        Raises InputInvalid as `fitted` does.
         """
         tables = self._ready()
         value = self.fitted(path, name, value)
@@ -310,10 +390,20 @@ class Master:
             encode(variable, value, tables.raw(placed))
 
     def fitted(self, path: str, name: str, value: object) -> Any:
-        """Return a value in the form that `set` needs, also from nested lists or text with a unit.
+        """Return a `value`, also nested lists or a text with a unit, in the form that `set` needs.
 
-        Raises InputInvalid for a value that does not fit, and for a variable that cannot be set
-        between steps.
+        `path` and `name` are those of `set`. Raises InputInvalid for a value that does not fit, and
+        for a variable that cannot be set between steps.
+
+        Example:
+
+        >>> import uuvsim_cosim as uuv
+        >>> from uuvsim_cosim.orchestrator import flatten, prepare
+        >>> plan = flatten(uuv.System("bench").add("battery", "model:battery"))
+        >>> with uuv.Master(plan, prepare(plan)) as master:
+        ...     master.initialize()
+        ...     print(float(master.fitted("battery", "current", "0.5 A")))
+        0.5
         """
         i, variable = self._settable(path, name)
         try:
@@ -344,11 +434,25 @@ class Master:
         return i, variable
 
     def slots(self, path: str, name: str) -> np.ndarray | None:
-        """Return a view of a variable of `live` or `held`, whose numbers change with the run.
+        """Return a view of the variable `name` of the component at `path`, of `live` or `held`.
 
-        Its shape is (size,), its type float64, int64 or uint64. Writing to that of a held input
-        sets the input, without the checks of `set`. None for a variable that the loop does not
-        read or set.
+        Its numbers change with the run. Its shape is (size,), its type float64, int64 or uint64.
+        Writing to that of a held input sets the input, without the checks of `set`. None for a
+        variable that the loop does not read or set.
+
+        Example:
+
+        >>> import uuvsim_cosim as uuv
+        >>> from uuvsim_cosim.orchestrator import flatten, prepare
+        >>> plan = flatten(uuv.System("tank").add("hull", "model:sphere"))
+        >>> tau, eta = ("hull", "tau"), ("hull", "eta")
+        >>> with uuv.Master(plan, prepare(plan), live=[eta], held=[tau]) as master:
+        ...     master.initialize()
+        ...     north = master.slots(*eta)[:1]
+        ...     master.slots(*tau)[0] = 10.0  # N, forward
+        ...     master.step(100)
+        ...     print(f"{north[0]:.2f} m")
+        0.10 m
         """
         tables = self._ready()
         i, variable = self._variable(path, name)
@@ -361,12 +465,38 @@ class Master:
 
     @property
     def all_slots(self) -> np.ndarray:
-        """View of all values of the loop as float64; the arrays of `slots` are parts of it."""
+        """View of all values of the loop as float64; the arrays of `slots` are parts of it.
+
+        Example:
+
+        >>> import uuvsim_cosim as uuv
+        >>> from uuvsim_cosim.orchestrator import flatten, prepare
+        >>> pushed = {"tau": [10, 0, 0, 0, 0, 0]}  # N, N.m
+        >>> plan = flatten(uuv.System("tank").add("hull", "model:sphere", pushed))
+        >>> with uuv.Master(plan, prepare(plan), live=[("hull", "eta")]) as master:
+        ...     master.initialize()
+        ...     before = master.all_slots.copy()
+        ...     master.step(10)
+        ...     print(any(master.all_slots != before))
+        True
+        """
         return self._ready().core.slots.view(np.float64)
 
     @property
     def faults(self) -> Faults:
-        """Active faults of signals; a reset clears all."""
+        """Active faults of signals; a reset clears all.
+
+        Example:
+
+        >>> import uuvsim_cosim as uuv
+        >>> from uuvsim_cosim.orchestrator import Fault, flatten, prepare
+        >>> plan = flatten(uuv.load("bluerov2_hold"))
+        >>> with uuv.Master(plan, prepare(plan)) as master:
+        ...     master.initialize()
+        ...     number = master.faults.add(Fault("hull.eta[3]", "bias", 0.5))  # [m]
+        ...     master.step(10)
+        ...     master.faults.clear(number)
+        """
         self._ready()
         assert self._faults is not None
         return self._faults
@@ -382,20 +512,30 @@ class Master:
         return self._last
 
     def restore(self, snapshot: Snapshot) -> None:
-        """Go back to a snapshot of this master; the steps after it are repeated bit for bit."""
+        """Go back to a `snapshot` of this master; the steps after it are repeated bit for bit.
+
+        Raises InputInvalid for a snapshot of another system.
+        """
         if not isinstance(snapshot, Snapshot):
             raise InputInvalid(
-                "restore", f"a {type(snapshot).__name__}", "what snapshot() has given"
+                "restore", f"a {type(snapshot).__name__}", "a snapshot that snapshot() returned"
             )
         self._state.restore(snapshot)
 
-    def save_snapshot(self, path: Path) -> None:
-        """Write the state at this communication point to a file."""
-        snapshots.save_snapshot(self.snapshot(), path, self.plan, self.components)
+    def save_snapshot(self, path: str | Path) -> None:
+        """Write the state at this communication point to the file `path`.
 
-    def load_snapshot(self, path: Path) -> None:
-        """Restore a file written by `save_snapshot`, of an equal plan."""
-        self.restore(snapshots.load_snapshot(path, self.plan, self.components))
+        Raises FmuError if a component cannot save its state, InputInvalid if the file cannot be
+        written.
+        """
+        snapshots.save_snapshot(self.snapshot(), Path(path), self.plan, self.components)
+
+    def load_snapshot(self, path: str | Path) -> None:
+        """Restore the file `path` that `save_snapshot` wrote, of an equal plan.
+
+        Raises InputInvalid for any other file.
+        """
+        self.restore(snapshots.load_snapshot(Path(path), self.plan, self.components))
 
     def restart(
         self,
@@ -403,13 +543,25 @@ class Master:
         snapshot: Snapshot | Literal["start"] | None = None,
         source: str | None = None,
     ) -> None:
-        """Continue after a component failed, from a snapshot (by default the last that was taken).
+        """Continue after the component at `path` failed, from a `snapshot` (default: the last one).
 
         A new instance replaces it, with its state from the snapshot; or, with `source`, a component
         of another source, which is initialized at the snapshot's time. Without a snapshot, or from
         "start", the whole run is reset. Recorded rows stay, and recording continues after them.
         Raises InputInvalid if the state was lost with the instance, SystemInvalid if a source does
         not fit.
+
+        Example:
+
+        >>> import uuvsim_cosim as uuv
+        >>> from uuvsim_cosim.orchestrator import flatten, prepare
+        >>> plan = flatten(uuv.load("bluerov2_hold"))
+        >>> with uuv.Master(plan, prepare(plan)) as master:
+        ...     master.initialize()
+        ...     master.run_until(1.0)
+        ...     kept = master.snapshot()
+        ...     master.restart("controller", kept, source="model:sliding_mode")
+        ...     master.run_until(2.0)
         """
         self._ready()
         i = self._component(path)
@@ -573,8 +725,20 @@ class Master:
     # ---- inside: the rest -----------------------------------------------------------------
 
     def _find_drains(self) -> None:
-        drains = (getattr(c, "drain_messages", None) for c in self.components)
-        self._drains = [drain for drain in drains if drain is not None]
+        """Find the components whose messages are fetched after steps.
+
+        A loop over all of them in Python costs more than a step, so C looks at their numbers.
+        """
+        self._drains: list[Callable[[], None]] = []
+        self._counted: list[Callable[[], None]] = []
+        known: list[int] = []
+        for component in self.components:
+            drain = getattr(component, "drain_messages", None)
+            count = getattr(component, "waiting_messages", None)
+            if drain is not None:
+                (self._counted if count else self._drains).append(drain)
+                known += [count] if count else []
+        self._counts = (ctypes.c_void_p * len(known))(*known)
 
     @property
     def _state(self) -> LoopState:
@@ -585,6 +749,9 @@ class Master:
     def _emit(self) -> None:
         for drain in self._drains:
             drain()
+        if library().uuv_core_any(self._counts, len(self._counts)):
+            for drain in self._counted:
+                drain()
         self._watch.emit(self._ready().core)
 
     def _end_watch(self) -> None:

@@ -39,8 +39,9 @@ def transferable_state(old: Component, state: object) -> object:
     elif state.data is not None:
         return state
     raise InputInvalid(
-        f"restart: {old.path} cannot serialise its state{reason}, so what the snapshot holds of "
-        'it went with the failed instance; expected a component that can, or snapshot="start"'
+        f"restart: {old.path} cannot serialise its state{reason}, so its part of the "
+        "snapshot was lost with the failed instance; expected a component that can, or "
+        'snapshot="start"'
     )
 
 
@@ -72,7 +73,7 @@ def plan_with(plan: Plan, i: int, source: str) -> Plan:
             variables[v.name] = replace(
                 new, unit=units[0] if same else None, element_units=() if same else units
             )
-            log.warning("%s.%s: names no unit; %s is assumed", old.path, v.name, v.unit_text)
+            log.warning("%s.%s: states no unit; %s is assumed", old.path, v.name, v.unit_text)
     described = replace(described, variables=variables)
     problems: dict[str, Problem] = {}
     for v in ends:

@@ -95,7 +95,9 @@ def save_snapshot(
                 archive.writestr(f"states/{i}", state)
     except OSError as error:
         raise InputInvalid(
-            f"snapshot {path}", f"cannot be written ({error.strerror})", "a folder that can"
+            f"snapshot {path}",
+            f"cannot be written ({error.strerror})",
+            "a folder that can be written",
         ) from error
 
 
@@ -108,7 +110,7 @@ def load_snapshot(path: Path, plan: Plan, components: Sequence[Component]) -> Sn
                 raise InputInvalid(
                     f"snapshot {path}",
                     f"has schema version {header['schema_version']}",
-                    f"{SCHEMA_VERSION}, so one written by this version of the package",
+                    f"{SCHEMA_VERSION}, as written by this version of the package",
                 )
             if header["plan"] != plan_hash(plan):
                 differing = set(header["components"]) ^ {c.path for c in plan.components}

@@ -54,7 +54,7 @@ def read_osp(path: Path, tick: str | None = None) -> System:
     if step is None:
         step = tick or DEFAULT_STEP
         if tick is None:
-            reading.remark(f"no BaseStepSize: {step} s is taken, as libcosim does")
+            reading.remark(f"no BaseStepSize: {step} s is used, as in libcosim")
     base = _step(step, "<BaseStepSize>", reading) or Fraction(DEFAULT_STEP)
     start = reading.number(_only(root, "StartTime"), "<StartTime>", "time", 0.0)
     end_text = _only(root, "EndTime")
@@ -73,7 +73,7 @@ def read_osp(path: Path, tick: str | None = None) -> System:
         reading.remark(
             f"Algorithm ecco varies the step by the energy that power bonds lose "
             f"({', '.join(joined.power_bonds) or 'there are none'}); here every step is "
-            f"{step_text(base)} s, and a bond is its two connections"
+            f"{step_text(base)} s, and a bond consists of its two connections"
         )
     elif algorithm.lower() != "fixedstep":
         reading.known(algorithm, ["fixedStep", "ecco"], "<Algorithm>", "algorithm")
@@ -131,7 +131,7 @@ def _rate(text: str | None, base: Fraction, place: str, reading: Reading) -> Fra
     if rounded != step:
         reading.remark(
             f"{place}: stepSize {step_text(step)} s is no multiple of the base step of "
-            f"{step_text(base)} s: {step_text(rounded)} s is taken, as libcosim does"
+            f"{step_text(base)} s: {step_text(rounded)} s is used, as in libcosim"
         )
     return None if rounded == base else rounded
 

@@ -44,7 +44,7 @@ def find_model_description(fmu: Path, model_name: str, beside: Path) -> Path | N
 
 
 def read_variable_groups(path: Path, reading: Reading) -> tuple[VariableGroup, ...]:
-    """Read the groups of a model; their units are ignored (see docs/systems/ssp.md)."""
+    """Read the groups of a model; their units are ignored (see docs/systems/ssp_support.md)."""
     root = opened(path, "OspModelDescription")
     inner = Reading(path.name, reading.problems, reading.remarks)
     return tuple(

@@ -1,6 +1,6 @@
 """XML that all files of SSP share: namespaces, units, typed elements, this project's annotation.
 
-SSP 2.0 kept the namespaces of 1.0; a file's `version` tells them apart. Arrays and the types of
+SSP 2.0 kept the namespaces of 1.0; a file's `version` distinguishes them. Arrays and the types of
 FMI 3.0 exist in 2.0 only; in 1.0 an array is written element by element, as ``tau[1]``.
 
 Data that SSP does not define is in annotations of type ``org.uuvsim.cosim``: on the system
@@ -179,7 +179,7 @@ def read_document(path: Path, root: str, remarks: list[str] | None = None) -> El
         found = parse_xml(data, place, InputInvalid)
         if remarks is not None:
             listed = ", ".join(missing)
-            remarks.append(f"prefix {listed} without a namespace, taken as SSP's")
+            remarks.append(f"prefix {listed} without a namespace is read as SSP's")
     if found.tag != q(root):
         tag = found.tag.rpartition("}")[2]
         raise InputInvalid(place, f"<{tag}>", f"<{root}>")

@@ -75,7 +75,7 @@ def apply_loop_policy(plan: Plan, ungrouped: frozenset[int]) -> Plan:
         chosen = len(groups) == 1 and not groups & free
         if plan.loops == "iterate" and chosen:
             continue
-        # A sum steps with what it feeds: both become members.
+        # A sum steps together with the component that it feeds: both join the group.
         members = {*loop.members, *(i for n in groups & sums for i in plan.groups[n].members)}
         reasons = list(_refusal_reasons(plan, loop, sorted(members), groups <= free))
         if reasons:
@@ -168,14 +168,14 @@ def iteration_obstacles(
         if not c.description.can_get_and_set_state:
             yield (
                 f"{c.path} cannot get and set its state",
-                "members that can, because a step is repeated from the state at its start",
+                "components that can, because a step is repeated from the state at its start",
             )
     steps = {c.step_ticks: c.path for c in members}
     if len(steps) > 1:
         (a, first), (b, second) = list(steps.items())[:2]
         yield (
             f"{first} steps by {step_text(a * tick)} s, {second} by {step_text(b * tick)} s",
-            "members of one communication step",
+            "components of one communication step",
         )
 
 
@@ -192,7 +192,7 @@ def _refusal_reasons(
         return
     if not free:
         yield (
-            "some of its members are in a group that others are not in",
+            "some of its components are in a group, and others are not",
             f'one group of {", ".join(c.path for c in components)}, of algorithm "iterated"',
         )
     yield from iteration_obstacles(components, plan.tick)

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
 from fractions import Fraction
 
 from uuvsim_cosim.errors import Problem, SystemInvalid
@@ -11,8 +11,8 @@ from uuvsim_cosim.fmus.description import Variable
 from uuvsim_cosim.orchestrator.plan.algebraic_loops import apply_loop_policy, iteration_obstacles
 from uuvsim_cosim.orchestrator.plan.initialization import initialization_order
 from uuvsim_cosim.orchestrator.plan.plan import Group, Plan, PlannedComponent, Transfer
-from uuvsim_cosim.orchestrator.plan.seeds import component_seed
-from uuvsim_cosim.orchestrator.plan.vehicle_match import vehicle_warnings
+from uuvsim_cosim.orchestrator.plan.seeds import component_seeds
+from uuvsim_cosim.orchestrator.plan.vehicle_match import vehicle_mismatches
 from uuvsim_cosim.orchestrator.system.elements import Loops, step_text
 from uuvsim_cosim.orchestrator.system.resolve import described_by
 from uuvsim_cosim.orchestrator.system.system import System
@@ -37,12 +37,29 @@ _Pair = tuple[int, int, str, str, float, float, Numbers]  # components, variable
 
 
 def flatten(system: System, seed: int = 0, loops: Loops | None = None) -> Plan:
-    """Return the plan of a system; each component's seed is derived from the system's `seed`.
+    """Return the plan of a `system`; each component's seed is derived from the system's `seed`.
+
+    The plan lists the components, who steps when, and which value goes where (see `Master`).
 
     `loops` is the policy for algebraic loops, by default the system's own (`System.loops`).
-    Raises SystemInvalid if the policy refuses a loop (see `algebraic_loops.apply_loop_policy`).
+    Raises SystemInvalid if the policy refuses a loop, or if a component is made for another vehicle
+    than its hull and the system does not allow it (`System.with_mismatches`).
+
+    Example:
+
+    >>> import uuvsim_cosim as uuv
+    >>> from uuvsim_cosim.orchestrator import flatten
+    >>> plan = flatten(uuv.load("bluerov2_hold"), seed=7)
+    >>> len(plan.components), float(plan.tick)  # [s]
+    (13, 0.01)
+    >>> [(c.path, c.step_ticks) for c in plan.components][:2]
+    [('guidance', 1), ('controller', 1)]
     """
     flat_ = _Flat(system, seed)
+    mixed = vehicle_mismatches(system.name, flat_.components)
+    if mixed and system.mismatches == "refuse":
+        allowed = ", or --force (in Python: with_mismatches('warn'))"
+        raise SystemInvalid([replace(p, expected=f"{p.expected}{allowed}") for p in mixed])
     transfers = flat_.transfers()
     plan = Plan(
         tick=system.base_step,
@@ -50,7 +67,7 @@ def flatten(system: System, seed: int = 0, loops: Loops | None = None) -> Plan:
         transfers=transfers,
         groups=flat_.groups(),
         initialization=initialization_order(flat_.components, transfers),
-        warnings=(*system.notes, *vehicle_warnings(flat_.components)),
+        warnings=(*system.notes, *map(str, mixed)),
         loops=system.loops if loops is None else loops,
         start=Fraction(str(system.start_time)),
     )
@@ -58,11 +75,11 @@ def flatten(system: System, seed: int = 0, loops: Loops | None = None) -> Plan:
 
 
 def plan_to_inspect(system: System) -> tuple[Plan, str]:
-    """Return the plan of a system for display, and the reason if a run would refuse its loops."""
+    """Return the plan of a system for display, and the reason if a run would refuse it."""
     try:
         return flatten(system), ""
     except SystemInvalid as refused:
-        return flatten(system, loops="delay"), str(refused)
+        return flatten(system.with_mismatches("warn"), loops="delay"), str(refused)
 
 
 class _Flat:
@@ -72,6 +89,7 @@ class _Flat:
         self.system = system
         self.seed = seed
         self.components: list[PlannedComponent] = []
+        self._nested: dict[int, tuple[System, Mapping[str, System | None]]] = {}
         self.index: dict[str, int] = {}
         self.ungrouped: frozenset[int] = frozenset()
         problems: list[Problem] = []
@@ -80,6 +98,13 @@ class _Flat:
             problems.append(Problem(system.name, "no components", "at least one"))
         if problems:
             raise SystemInvalid(problems)
+        keys = component_seeds([seed], list(self.index))[0].tolist()
+        for i, (component, key) in enumerate(zip(self.components, keys, strict=True)):
+            own = component.start.get("seed")
+            words = [] if own is None else flat(own)
+            if not (len(words) == 2 and all(isinstance(w, int) for w in words)):
+                words = key  # unless the user has set it
+            self.components[i] = replace(component, seed=(words[0], words[1]))
 
     def _collect(self, system: System, prefix: str, problems: list[Problem]) -> None:
         for element in system.elements:
@@ -101,10 +126,6 @@ class _Flat:
                 )
             assert isinstance(element.source, str)
             description = system.checked.descriptions[element.name]
-            own_seed = element.start.get("seed")
-            words = [] if own_seed is None else flat(own_seed)
-            if not (len(words) == 2 and all(isinstance(w, int) for w in words)):
-                words = list(component_seed(self.seed, path))  # unless the user has set it
             self.index[path] = len(self.components)
             self.components.append(
                 PlannedComponent(
@@ -114,7 +135,6 @@ class _Flat:
                     start={
                         n: as_array(description.variables[n], v) for n, v in element.start.items()
                     },
-                    seed=(words[0], words[1]),
                     step_ticks=int(ticks),
                 )
             )
@@ -151,16 +171,22 @@ class _Flat:
                 for a in self._leaves(system, prefix, wire.source, i):
                     for b in self._leaves(system, prefix, wire.target, j):
                         yield a, b, factor, offset, wire.table
-        for element in system.elements:
-            nested = system.nested_or_none(element.name)
+        for name, nested in self._nested_in(system).items():
             if nested is not None:
-                yield from self._links(nested, f"{prefix}{element.name}.")
+                yield from self._links(nested, f"{prefix}{name}.")
+
+    def _nested_in(self, system: System) -> Mapping[str, System | None]:
+        """Return the nested system of each element, None for a component."""
+        if id(system) not in self._nested:  # the system is kept too, so no other has its id
+            found = {e.name: system.nested_or_none(e.name) for e in system.elements}
+            self._nested[id(system)] = system, found
+        return self._nested[id(system)][1]
 
     def _leaves(
         self, system: System, prefix: str, point: Endpoint, element: int
     ) -> Iterator[_Leaf]:
         """Follow an element of a connector into nested systems, to the components behind it."""
-        nested = system.nested_or_none(point.element)
+        nested = self._nested_in(system)[point.element]
         if nested is None:
             component = self.index[prefix + point.element]
             description = self.components[component].description

@@ -22,7 +22,7 @@ __all__ = ["feedthrough", "is_singular", "solve_loop"]
 
 _ITERATIONS = 50
 _TOLERANCE = 1e-10  # of a residual, relative to 1 + |x|
-_SINGULAR = 1e-7  # below it, finite differences cannot tell a singular value from 0
+_SINGULAR = 1e-7  # below it, finite differences cannot distinguish a singular value from 0
 _FLOATS = ("Float64", "Float32")
 
 

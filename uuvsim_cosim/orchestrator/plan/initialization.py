@@ -7,6 +7,7 @@ output waits for the inputs in its declared dependencies; without a declaration,
 from __future__ import annotations
 
 from collections.abc import Sequence
+from heapq import heappop, heappush
 
 from uuvsim_cosim.orchestrator.plan.graphs import strongly_connected
 from uuvsim_cosim.orchestrator.plan.plan import PlannedComponent, Transfer
@@ -76,20 +77,41 @@ def _ordered(blocks: list[list[Output]], waits: dict[Output, list[Output]]) -> l
     Fewer changes of the component mean fewer entries of the plan.
     """
     home = {node: i for i, block in enumerate(blocks) for node in block}
-    missing = [
-        {home[w] for node in block for w in waits[node]} - {i} for i, block in enumerate(blocks)
-    ]
-    remaining = list(range(len(blocks)))
-    done: set[int] = set()
+    followers: list[set[int]] = [set() for _ in blocks]
+    missing = [0] * len(blocks)
+    for i, block in enumerate(blocks):
+        for before in {home[w] for node in block for w in waits[node]} - {i}:
+            followers[before].add(i)
+            missing[i] += 1
+    # Blocks that wait for nothing more, the first one on top: all, those of outputs, and those of
+    # each component. Blocks that are done stay in the other heaps until they come to the top.
+    ready: list[int] = []
+    outputs: list[int] = []
+    of_component: dict[int, list[int]] = {}
+    done = [False] * len(blocks)
+
+    def add(i: int) -> None:
+        component, name = blocks[i][0]
+        heappush(ready, i)
+        heappush(of_component.setdefault(component, []), i)
+        if name:
+            heappush(outputs, i)
+
+    for i, count in enumerate(missing):
+        if not count:
+            add(i)
     result: list[list[Output]] = []
-    last: int | None = None
-    while remaining:
-        ready = [i for i in remaining if missing[i] <= done]
-        same = [i for i in ready if blocks[i][0][0] == last]
-        early = [i for i in ready if blocks[i][0][1] != ""]
-        chosen = (same or early or ready)[0]
-        last = blocks[chosen][0][0]
+    last: list[int] = []  # ready blocks of the component of the last block
+    while len(result) < len(blocks):
+        for heap in (last, outputs, ready):
+            while heap and done[heap[0]]:
+                heappop(heap)
+        chosen = (last or outputs or ready)[0]
+        done[chosen] = True
         result.append(blocks[chosen])
-        done.add(chosen)
-        remaining.remove(chosen)
+        for i in followers[chosen]:
+            missing[i] -= 1
+            if not missing[i]:
+                add(i)
+        last = of_component[blocks[chosen][0][0]]
     return result

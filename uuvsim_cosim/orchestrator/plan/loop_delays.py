@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from fractions import Fraction
 
-from uuvsim_cosim.orchestrator.plan.graphs import simple_cycles
+from uuvsim_cosim.orchestrator.plan.graphs import cheapest_cycles
 from uuvsim_cosim.orchestrator.plan.plan import Plan
 
 __all__ = ["Loop", "equal_components", "loop_delays", "loop_lines", "stacked_name"]
@@ -26,10 +26,12 @@ class Loop:
 
 
 def loop_delays(plan: Plan) -> list[Loop]:
-    """Return the loops, the slowest first. A hop costs the step of its source component.
+    """Return the fastest loop through each component, the slowest of them first.
 
-    Within a Gauss-Seidel group, a hop from an earlier to a later member costs nothing, unless
-    the earlier one has the longer step.
+    The number of all loops can grow exponentially with the system. The fastest loop through a
+    component is the delay after which its outputs act on itself. A hop costs the step of its
+    source component. Within a Gauss-Seidel group, a hop from an earlier to a later member costs
+    nothing, unless the earlier one has the longer step.
     """
     paths = [c.path for c in plan.components]
     edges = {(t.source, t.target) for t in plan.transfers}
@@ -53,10 +55,7 @@ def loop_delays(plan: Plan) -> list[Loop]:
         cost = 0 if (a, b) in free else plan.components[a].step_ticks
         hops = graph[names[paths[a]]]
         hops[names[paths[b]]] = max(cost, hops.get(names[paths[b]], 0))
-    loops = []
-    for cycle in simple_cycles(graph):
-        ticks = sum(graph[a][b] for a, b in zip(cycle, cycle[1:] + cycle[:1], strict=True))
-        loops.append(Loop(tuple(cycle), ticks * plan.tick))
+    loops = [Loop(tuple(cycle), ticks * plan.tick) for ticks, cycle in cheapest_cycles(graph)]
     return sorted(loops, key=lambda loop: (-loop.delay, loop.path))
 
 

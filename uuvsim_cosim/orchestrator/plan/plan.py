@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from fractions import Fraction
 from functools import cached_property
@@ -114,6 +114,22 @@ class Plan:
         for t in self.transfers:
             elements = found.setdefault((t.target, t.target_variable.name), set())
             elements.update(t.target_elements)
+        return found
+
+    @cached_property
+    def from_component(self) -> Mapping[int, Sequence[Transfer]]:
+        """Transfers by their source component, in their order; no entry if it has none."""
+        found: dict[int, list[Transfer]] = {}
+        for t in self.transfers:
+            found.setdefault(t.source, []).append(t)
+        return found
+
+    @cached_property
+    def to_component(self) -> Mapping[int, Sequence[Transfer]]:
+        """Transfers by their target component, in their order; no entry if it has none."""
+        found: dict[int, list[Transfer]] = {}
+        for t in self.transfers:
+            found.setdefault(t.target, []).append(t)
         return found
 
     def hop(self, t: Transfer) -> str:

@@ -31,10 +31,11 @@ class PythonComponent:
     """Component whose steps are computed by an object of a user's Python class.
 
     The class has `inputs` and `outputs`, which map names to a unit, a size, or (size, unit); a
-    unit that is None or left out is taken from what the connector is connected to. It may have
+    unit that is None or left out is that of the connected connector. It may have
     `parameters`, names to (value, unit), which become attributes of the object. Outputs before
     the first step are zeros, or what ``initialize(t)`` returns. ``step(t, dt, u)`` gets the
-    inputs by name, floats or arrays, and returns all outputs by name, valid at t + dt.
+    inputs by name, floats or arrays, and returns all outputs by name, valid at t + dt. ``close()``,
+    if there is one, is called when the component ends.
     """
 
     def __init__(self, cls: type, path: str) -> None:
@@ -99,8 +100,10 @@ class PythonComponent:
         """Nothing to end."""
 
     def free(self) -> None:
-        """Drop the reference to the object."""
-        self._object = None
+        """Call the object's `close`, if it has one, and drop it."""
+        kept, self._object = self._object, None
+        if hasattr(kept, "close"):
+            kept.close()
 
     # ---- states ---------------------------------------------------------------------------
 
@@ -161,9 +164,9 @@ class PythonComponent:
             raise self._failed(method, f"returned {type(returned).__name__}; {expected}")
         missing = [n for n in names if n not in returned] if complete else []
         unknown = [str(n) for n in returned if n not in names]
-        problems = [f"gives no {', '.join(missing)}"] if missing else []
+        problems = [f"does not return {', '.join(missing)}"] if missing else []
         if unknown:
-            problems.append(f"gives {', '.join(unknown)}, which outputs does not name")
+            problems.append(f"returns {', '.join(unknown)}, which outputs does not declare")
         if problems:
             raise self._failed(method, f"{' and '.join(problems)}; {expected}")
         for v in self._outputs:
@@ -171,7 +174,7 @@ class PythonComponent:
                 try:
                     self._values[v.name] = _fitted(v, returned[v.name])
                 except Misfit as misfit:
-                    raise self._failed(method, f"gives {v.name}: {misfit}") from None
+                    raise self._failed(method, f"returns {v.name}: {misfit}") from None
 
     def _failed(self, method: str, reason: str) -> ComponentFailed:
         place = definition(self._class, method)
@@ -237,5 +240,5 @@ def unpickled(data: bytes, path: str) -> Any:
         raise FmuError(
             path,
             f"its state holds {error}",
-            "numbers, text, arrays and containers of them, which alone can be kept in a file",
+            "numbers, text, arrays and containers of them; no other objects can be saved",
         ) from error

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from uuvsim_cosim.errors import RecordingError
+from uuvsim_cosim.orchestrator.recording.columns import LazyArrays, Source, Table, as_array
 from uuvsim_cosim.orchestrator.recording.mcap import read_mcap
 from uuvsim_cosim.orchestrator.recording.signals import Signals
 
@@ -22,6 +22,7 @@ __all__ = [
     "ROW_GROUP",
     "STREAM",
     "Messages",
+    "empty_batch",
     "file_of",
     "metadata_of",
     "read_batches",
@@ -50,15 +51,25 @@ def file_of(run: Path) -> Path:
     )
 
 
+def empty_batch(schema: pa.Schema) -> pa.RecordBatch:
+    """Return a batch without rows."""
+    import pyarrow as pa
+
+    return pa.RecordBatch.from_arrays([pa.nulls(0, field.type) for field in schema], schema=schema)
+
+
 def metadata_of(schema: pa.Schema) -> dict[str, Any]:
     """Return the metadata of a recording's schema."""
     return dict(json.loads((schema.metadata or {}).get(METADATA, b"{}")))
 
 
-def read_batches(file: Path) -> Iterator[tuple[pa.Schema, pa.RecordBatch, Messages]]:
+def read_batches(
+    file: Path, *, mapped: bool = False
+) -> Iterator[tuple[pa.Schema, pa.RecordBatch, Messages]]:
     """Yield (schema, batch, messages) for each batch; a stream may end anywhere.
 
-    The first batch has no rows, so that a recording without rows still has a schema.
+    The first batch has no rows, so that a recording without rows still has a schema. Batches that
+    are kept are best `mapped` to memory; without it, memory holds one batch at a time.
     """
     import pyarrow as pa
     import pyarrow.parquet as pq
@@ -68,12 +79,14 @@ def read_batches(file: Path) -> Iterator[tuple[pa.Schema, pa.RecordBatch, Messag
             with pq.ParquetFile(file) as parquet:
                 schema = parquet.schema_arrow
                 messages = metadata_of(schema).get("messages", [])
-                yield schema, pa.RecordBatch.from_pylist([], schema=schema), messages
-                for batch in parquet.iter_batches(ROW_GROUP):
-                    yield schema, batch, []
+                yield schema, empty_batch(schema), messages
+                for group in range(parquet.num_row_groups):
+                    for batch in parquet.iter_batches(ROW_GROUP, row_groups=[group]):
+                        yield schema, batch, []
             return
-        with pa.memory_map(str(file)) as source, pa.ipc.open_stream(source) as reader:
-            yield reader.schema, pa.RecordBatch.from_pylist([], schema=reader.schema), []
+        opened = pa.memory_map if mapped else pa.OSFile
+        with opened(str(file)) as source, pa.ipc.open_stream(source) as reader:
+            yield reader.schema, empty_batch(reader.schema), []
             while True:
                 try:
                     batch, metadata = reader.read_next_batch_with_custom_metadata()
@@ -84,46 +97,119 @@ def read_batches(file: Path) -> Iterator[tuple[pa.Schema, pa.RecordBatch, Messag
     except OSError as error:
         raise RecordingError(f"{file}: cannot be read ({error.strerror or error})") from error
     except ValueError as error:  # Arrow's
-        raise RecordingError(f"{file}: is no recording, or damaged ({error})") from error
+        raise RecordingError(
+            file,
+            f"is no recording, or damaged ({error})",
+            "a complete recording, as `uuvsim run` writes it",
+        ) from error
 
 
 def read_signals(run: Path | str) -> Signals:
-    """Read a recording: its folder, ``.parquet``, ``.mcap``, or the stream of a killed run."""
+    """Read the recording of a `run`: its folder, ``.parquet``, ``.mcap``, or a killed run's stream.
+
+    Raises RecordingError for a file that is no recording, or damaged.
+
+    Example:
+
+    >>> import uuvsim_cosim as uuv
+    >>> run = uuv.run("bluerov2_hold", until=1.0, out="hold")
+    >>> signals = uuv.read_signals("hold")
+    >>> signals["guidance.eta_d"].shape, signals.units["guidance.eta_d"]
+    ((101, 6), 'm, rad')
+    """
     import pyarrow as pa
 
     file = file_of(Path(run))
     if file.suffix.lower() == ".mcap":
         return read_mcap(file)
-    read = list(read_batches(file))
-    schema = read[0][0]
-    messages = [m for _, _, texts in read for m in texts]
+    if file.suffix == ".parquet":
+        parquet = _ParquetTable(file)
+        stored: Table = parquet
+        schema = parquet.schema
+        messages = metadata_of(schema).get("messages", [])
+    else:
+        read = list(read_batches(file, mapped=True))
+        schema = read[0][0]
+        messages = [m for _, _, texts in read for m in texts]
+        stored = _ArrowTable(
+            pa.Table.from_batches([b.replace_schema_metadata(None) for _, b, _ in read])
+        )
     if schema.names[:2] != ["time", "tick"]:
         raise RecordingError(run, "is no recording of signals", "columns time and tick")
-    batches = [batch.replace_schema_metadata(None) for _, batch, _ in read]
-    table = pa.Table.from_batches(batches)
-    values: dict[str, np.ndarray] = {}
     units: dict[str, str] = {}
     descriptions: dict[str, str] = {}
     element_units: dict[str, tuple[str, ...]] = {}
     elements: dict[str, tuple[int, ...]] = {}
+    sources: dict[str, Source] = {}
     groups: dict[str, list[int]] = {}  # columns of each variable
     for i in range(2, len(schema)):
         about = _about(schema.field(i))
         name = f"{about['path']}.{about['variable']}" if "variable" in about else schema.names[i]
         groups.setdefault(name, []).append(i)
-    for name, columns in groups.items():
-        columns.sort(key=lambda i: _index(schema.field(i)))
-        arrays = [_array(table.column(i)) for i in columns]
-        about = _about(schema.field(columns[0]))
-        values[name] = np.stack(arrays, axis=1) if about.get("index") else arrays[0]
-        element_units[name] = tuple(_about(schema.field(i)).get("unit", "") for i in columns)
-        if about.get("index"):
-            elements[name] = tuple(_index(schema.field(i)) for i in columns)
+    for name, numbers in groups.items():
+        numbers.sort(key=lambda i: _index(schema.field(i)))
+        about = _about(schema.field(numbers[0]))
+        is_array = bool(about.get("index"))
+        is_number = str(schema.types[numbers[0]]) in ("double", "int64", "uint64", "bool")
+        sources[name] = Source(tuple(numbers), is_array, is_number)
+        element_units[name] = tuple(_about(schema.field(i)).get("unit", "") for i in numbers)
+        if is_array:
+            elements[name] = tuple(_index(schema.field(i)) for i in numbers)
         units[name] = ", ".join(dict.fromkeys(element_units[name]))
         descriptions[name] = about.get("description", "")
-    time, ticks = _array(table.column(0)), _array(table.column(1))
+    time, ticks = (as_array(column) for column in stored.columns((0, 1)))
     metadata = metadata_of(schema) | {"messages": messages}
+    values = LazyArrays(stored, sources)
     return Signals(time, ticks, values, units, descriptions, metadata, element_units, elements)
+
+
+@dataclass(frozen=True)
+class _ArrowTable:
+    """Table in memory, or in a file that is mapped to memory."""
+
+    table: pa.Table
+
+    def columns(self, numbers: Sequence[int]) -> list[pa.ChunkedArray]:
+        return [self.table.column(i) for i in numbers]
+
+    def batches(self, most: int) -> Iterator[pa.RecordBatch]:
+        yield from self.table.to_batches(max_chunksize=most)
+
+
+class _ParquetTable:
+    """Parquet file, which is read when columns or rows of it are asked for."""
+
+    def __init__(self, file: Path) -> None:
+        import pyarrow.parquet as pq
+
+        self._file = file
+        try:
+            self._parquet = pq.ParquetFile(file)
+            self.schema: pa.Schema = self._parquet.schema_arrow
+        except (OSError, ValueError) as error:
+            raise self._problem(error) from error
+
+    def columns(self, numbers: Sequence[int]) -> list[pa.ChunkedArray]:
+        names = [self.schema.names[i] for i in numbers]
+        try:
+            # A name with dots can stand for more columns than its own.
+            table = self._parquet.read(columns=names, use_threads=False)
+        except (OSError, ValueError) as error:
+            raise self._problem(error) from error
+        return [table.column(name) for name in names]
+
+    def batches(self, most: int) -> Iterator[pa.RecordBatch]:
+        try:
+            # One call for all groups would keep the buffers of those that were read.
+            for group in range(self._parquet.num_row_groups):
+                yield from self._parquet.iter_batches(most, row_groups=[group], use_threads=False)
+        except (OSError, ValueError) as error:
+            raise self._problem(error) from error
+
+    def _problem(self, error: Exception) -> RecordingError:
+        if isinstance(error, OSError) and error.strerror:
+            return RecordingError(f"{self._file}: cannot be read ({error.strerror})")
+        return RecordingError(f"{self._file}: is no recording, or damaged ({error})")
 
 
 def _index(schema_field: pa.Field) -> int:
@@ -134,8 +220,3 @@ def _index(schema_field: pa.Field) -> int:
 
 def _about(schema_field: pa.Field) -> dict[str, str]:
     return {k.decode(): v.decode() for k, v in (schema_field.metadata or {}).items()}
-
-
-def _array(column: pa.ChunkedArray) -> np.ndarray:
-    array: np.ndarray = column.to_numpy()
-    return array

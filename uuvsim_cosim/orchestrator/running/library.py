@@ -15,7 +15,14 @@ __all__ = ["available", "load", "system_file"]
 
 
 def available() -> list[str]:
-    """Return the names of the shipped systems."""
+    """Return the names of the shipped systems.
+
+    Example:
+
+    >>> import uuvsim_cosim as uuv
+    >>> uuv.available()[:2]
+    ['bluerov2_ardusub', 'bluerov2_hold']
+    """
     folder = content("orchestrator", "systems")
     if not folder.is_dir():
         return []
@@ -36,9 +43,19 @@ def system_file(name: str) -> Path:
 
 
 def load(name_or_path: str | Path, tick: str | None = None) -> System:
-    """Load a system: a name, or a path: .ssd, .ssp (``x.ssp#VariantB``), .fmu, or OSP's .xml.
+    """Load a system by the name of a shipped one, or from a file.
 
-    `tick` is the base step in s for files that define none.
+    `name_or_path` is a name, or a path: .ssd, .ssp (``x.ssp#VariantB``), .fmu, or OSP's .xml.
+    `tick` is the base step [s] for files that define none. Raises InputInvalid for a name or a file
+    that does not exist, SystemInvalid for a system that is not valid, FmuError for an FMU that
+    cannot be read.
+
+    Example:
+
+    >>> import uuvsim_cosim as uuv
+    >>> system = uuv.load("bluerov2_hold")
+    >>> len(system.components), float(system.base_step)  # [s]
+    (13, 0.01)
     """
     text = str(name_or_path)
     file, _, variant = text.partition("#")

@@ -1,8 +1,8 @@
 """Run of a system into a folder with its recording and provenance.
 
 The folder holds ``signals.parquet``, ``run.json`` and ``system.ssd``; the command line adds
-``report.html``. After a failure or Ctrl-C the recording up to then stays; a run that is refused
-before its first step leaves nothing.
+``report.html``. After a failure or Ctrl-C, the recording up to that time is kept. A run that is
+refused before its first step writes nothing.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from contextlib import nullcontext
 from dataclasses import asdict, dataclass, replace
 from fractions import Fraction
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 from uuvsim_cosim.errors import (
     ComponentFailed,
@@ -27,10 +27,11 @@ from uuvsim_cosim.errors import (
 from uuvsim_cosim.fmus.isolation.guard import AtComponentExit, calling_component
 from uuvsim_cosim.fmus.isolation.isolated import check_watchdog
 from uuvsim_cosim.lazy import by_name
+from uuvsim_cosim.notebook_bar import Progress, shown
 from uuvsim_cosim.orchestrator.master.coupling import Residual
 from uuvsim_cosim.orchestrator.master.master import Master
 from uuvsim_cosim.orchestrator.master.observer import Observer
-from uuvsim_cosim.orchestrator.master.prepared import Progress, prepare
+from uuvsim_cosim.orchestrator.master.prepared import prepare
 from uuvsim_cosim.orchestrator.master.real_time import Pace, Punctuality, Steps
 from uuvsim_cosim.orchestrator.plan.flatten import flatten
 from uuvsim_cosim.orchestrator.plan.plan import Plan
@@ -39,11 +40,12 @@ from uuvsim_cosim.orchestrator.recording.recording_reader import read_signals
 from uuvsim_cosim.orchestrator.recording.signals import Signals
 from uuvsim_cosim.orchestrator.running.library import load
 from uuvsim_cosim.orchestrator.running.mission import duration
+from uuvsim_cosim.orchestrator.running.ranges import RangeWatch
 from uuvsim_cosim.orchestrator.running.run_folder import (
     RunFolder,
-    check_free_space,
     lock_run_folder,
     provenance_of,
+    refuse_too_large,
     write_run_json,
 )
 from uuvsim_cosim.orchestrator.scenarios.inputs import Driven, held_by, read_inputs, start_values
@@ -63,7 +65,32 @@ _SECONDS = 0.1  # of wall time between two calls of `progress`
 
 @dataclass(frozen=True)
 class Run:
-    """Result of a run, and its folder; times in s."""
+    """Result of a run: its folder, and what was measured while it ran.
+
+    `folder` holds the recording; it is not `asked` if that folder was in use. `system` and `seed`
+    are those of the run. It went from `start` to `time` [s], in `steps` of `tick` [s], and took
+    `wall_time` [s]. `loop_delay` [s] is the delay of the slowest feedback loop, and `loop_path`
+    the loop. `residual` is the largest coupling residual of a delayed connection; `iterated` are
+    the algebraic loops that are iterated. `notes` are assumptions, `warnings` are possible
+    mistakes; `waypoints` are those of a mission (N, E, D) [m]. `interrupted` is the reason for an
+    early end; `punctuality` is that of a run in real time. An attribute that does not apply is None
+    or empty.
+
+    Example:
+
+    >>> import uuvsim_cosim as uuv
+    >>> run = uuv.run("bluerov2_hold", until=1.0)
+    >>> run.steps, run.time, run.folder.name, run.recording.name
+    (100, 1.0, 'bluerov2_hold-0', 'signals.parquet')
+    >>> run.real_time_factor > 0  # simulated over wall time
+    True
+    >>> run.signals()["hull.eta"].shape
+    (101, 6)
+    >>> list(run.to_pandas())[:2]
+    ['guidance.eta_d[1]', 'guidance.eta_d[2]']
+    >>> run.to_xarray()["hull.eta"].dims
+    ('time', 'hull.eta_element')
+    """
 
     folder: Path
     system: str
@@ -104,6 +131,13 @@ class Run:
 
         They are computed from the recording, on the true state. A system without a vehicle has
         none.
+
+        Example:
+
+        >>> import uuvsim_cosim as uuv
+        >>> metrics = uuv.run("bluerov2_hold", until=2.0).metrics
+        >>> f"{metrics['depth_rms']:.2f} {metrics.units['depth_rms']}"
+        '0.07 m'
         """
         found: Mapping[str, float] = by_name("view.notebook.run_metrics:metrics")(self)
         return found
@@ -138,7 +172,7 @@ def run(
     seed: int = 0,
     backend: Backend = "fmu",
     record_every: int = 1,
-    progress: Progress | None = None,
+    progress: Progress | Literal[False] | None = None,
     about: Mapping[str, object] | None = None,
     real_time: float | Pace | None = None,
     scenario: Scenario | str | Path | None = None,
@@ -151,26 +185,38 @@ def run(
 ) -> Run:
     """Simulate a system from `start_time` to `until` [s]; record every output in a new folder.
 
-    Without `start_time`, the run begins at the system's start time, else at 0. Without `until`, it
-    ends at the end of its scenario, else of the system, else after the duration of a mission's
-    path (see `mission.duration`). The folder is `out`, by default ``runs/<system>-<seed>``; if it
-    is not empty, the first free of NAME-2, NAME-3, ….
+    `system` is a `System`, or what `load` reads: a name or a file. Each component's random numbers
+    come from `seed`. Without `start_time`, the run begins at the system's start time, else at 0.
+    Without `until`, it ends at the end of its scenario, else of the system, else after the duration
+    of a mission's path. The folder is `out`, by default ``runs/<system>-<seed>``; if it is not
+    empty, the first free of NAME-2, NAME-3, …. Every `record_every`-th communication point is
+    recorded. `backend`: "fmu" runs declarations as FMUs, "native" as native components; both give
+    the same bits.
 
     ``progress(stage, done, total)`` is called while "building" (components) and "simulating"
-    (seconds). `about` is added to run.json. `real_time` is a factor of real time, or a `Pace`;
-    without it the run is as fast as possible. `scenario` (or its file) is a list of events during
-    the run. `isolate` names components that get a process of their own ("*": all), so that their
-    crash only raises an error; one that does not answer within `watchdog` seconds fails.
-    `trace_fmi` is a CSV file of every call of every FMU; the run is slow then, with the same
-    result. `observers` get the rows in addition to the recorder. `loops` is the policy for
-    algebraic loops instead of the system's own (see `System.with_loops`). `inputs` are CSV files or
-    waveforms for unconnected inputs and signals (see `inputs.read_inputs`); the applied values are
-    written to inputs.csv in the folder.
+    (seconds); without it, a notebook shows a bar, with False it does not. `about` is added to
+    run.json. `real_time` is a factor of real time, or a `Pace`; without it the run is as fast as
+    possible. `scenario` (or its file) is a list of events during the run. `isolate` names
+    components that get a process of their own ("*": all), so that their crash only raises an error;
+    one that does not answer within `watchdog` seconds fails. `trace_fmi` is a CSV file of every
+    call of every FMU; the run is slow then, with the same result. `observers` get the rows in
+    addition to the recorder. `loops` is the policy for algebraic loops instead of the system's own
+    (see `System.with_loops`). `inputs` are CSV files, or waveforms such as
+    ``+controller.tau_d[1]:prbs,amplitude=5,hold=0.5``, for unconnected inputs, and with "+" for
+    signals; the applied values are written to inputs.csv in the folder.
 
-    Raises SystemInvalid and InputInvalid before anything runs, ComponentFailed and
-    LoopNotConverged during the run (their attribute `recording` is the folder), Interrupted on
-    Ctrl-C while stepping. If a component asks to end the simulation, the run ends there with a
-    warning.
+    Raises SystemInvalid, InputInvalid, FmuError and ToolchainError before anything runs;
+    ComponentFailed and LoopNotConverged (their attribute `recording` is the folder), RecordingError
+    and Overrun during the run; Interrupted on Ctrl-C while stepping. If a component asks to end the
+    simulation, the run ends there with a warning.
+
+    Example:
+
+    >>> import uuvsim_cosim as uuv
+    >>> run = uuv.run("bluerov2_hold", until=2.0, seed=3, out="hold")
+    >>> depth = run.signals()["hull.eta"][:, 2]  # of N, E, D [m], phi, theta, psi [rad]
+    >>> f"{depth[0]:.2f} m to {depth[-1]:.2f} m"
+    '1.00 m to 1.21 m'
     """
     if until is not None and not (math.isfinite(until) and until > 0):
         raise InputInvalid("until", f"{until:g} s was read", "more than 0")
@@ -208,37 +254,41 @@ def run(
 
         trace = Trace(Path(trace_fmi))
     folder = lock_run_folder(out if out is not None else Path("runs") / f"{system.name}-{seed}")
-    try:
-        provenance = provenance_of(system, plan, seed, backend, record_every, end, about or {})
-        provenance["notes"] += [d.note for d in drives]
-        instantiate = prepare(plan, backend, progress, isolate, watchdog, trace)
-        write_ssd(system, folder.path / "system.ssd")
-        recorder = Recorder(folder.path, provenance={k: provenance[k] for k in ("system", "seed")})
-        master = Master(
-            plan, instantiate, observers=[recorder, *observers], record_every=record_every,
-            held=held_by(drives, plan),
-        )  # fmt: skip
+    with shown(progress) as report:
         try:
-            # The last step of a component with a longer step may end after `end`.
-            longer = [c.step_ticks * plan.tick for c in plan.components]
-            span = Fraction(str(end)) - plan.start
-            last = plan.start + max(math.ceil(span / s) * s for s in longer)
-            master.initialize(None, float(last))
             rows = (end - float(plan.start)) / float(plan.tick) / record_every
-            steps: Steps = master if played is None else Played(master, played)
-            if drives:
-                steps = Driven(steps, master, drives, folder.path / "inputs.csv")
-            check_free_space(folder.path, rows * 8.0 * (master.recorded + 2))
+            refuse_too_large(plan, backend, isolate, folder.path, rows)
+            provenance = provenance_of(system, plan, seed, backend, record_every, end, about or {})
+            provenance["notes"] += [d.note for d in drives]
+            instantiate = prepare(plan, backend, report, isolate, watchdog, trace)
+            write_ssd(system, folder.path / "system.ssd")
+            recorder = Recorder(
+                folder.path, provenance={k: provenance[k] for k in ("system", "seed")}
+            )
+            ranges = RangeWatch()
+            master = Master(
+                plan, instantiate, observers=[recorder, ranges, *observers],
+                record_every=record_every, held=held_by(drives, plan),
+            )  # fmt: skip
+            try:
+                # The last step of a component with a longer step may end after `end`.
+                longer = [c.step_ticks * plan.tick for c in plan.components]
+                span = Fraction(str(end)) - plan.start
+                last = plan.start + max(math.ceil(span / s) * s for s in longer)
+                master.initialize(None, float(last))
+                steps: Steps = master if played is None else Played(master, played)
+                if drives:
+                    steps = Driven(steps, master, drives, folder.path / "inputs.csv")
+            except BaseException:
+                master.free()
+                raise
         except BaseException:
-            master.free()
+            folder.discard()
+            if trace is not None:
+                trace.close()
             raise
-    except BaseException:
-        folder.discard()
-        if trace is not None:
-            trace.close()
-        raise
-    with trace or nullcontext():
-        return _simulated(master, steps, plan, end, folder, provenance, progress, pace)
+        with trace or nullcontext():
+            return _simulated(master, steps, plan, end, folder, provenance, report, pace, ranges)
 
 
 def _end(asked: float | None, system: System, plan: Plan) -> float:
@@ -271,6 +321,7 @@ def _end(asked: float | None, system: System, plan: Plan) -> float:
 def _simulated(
     master: Master, stepped: Steps, plan: Plan, end: float, folder: RunFolder,
     provenance: dict[str, Any], progress: Progress | None, pace: Pace | None,
+    ranges: RangeWatch,
 ) -> Run:  # fmt: skip
     """Step to the end, and write a closed recording and run.json, also after a failure."""
     begun = time.perf_counter()
@@ -326,7 +377,7 @@ def _simulated(
         first = int(plan.start / plan.tick)
         done, reached = master.tick - first, master.time
         largest = master.largest_residual
-        provenance["warnings"] += master.remarks
+        provenance["warnings"] += [*master.remarks, *ranges.warnings()]
         if error is not None:
             master.free()  # not terminate(): a failed component may not answer
     wall_time = time.perf_counter() - begun
@@ -339,7 +390,7 @@ def _simulated(
     try:
         write_run_json(folder.path / "run.json", {**provenance, **known})
     except OSError as full:
-        reason = f"{folder.path / 'run.json'}: {full.strerror}; expected room on the disk"
+        reason = f"{folder.path / 'run.json'}: {full.strerror}; expected free space on the disk"
         error = error or RecordingError(reason)
     if error is not None:
         if isinstance(error, ComponentFailed | LoopNotConverged):

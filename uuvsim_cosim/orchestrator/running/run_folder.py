@@ -7,11 +7,9 @@ from __future__ import annotations
 
 import itertools
 import json
-import math
 import os
 import platform
-import shutil
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
@@ -20,6 +18,7 @@ from typing import Any
 from uuvsim_cosim._version import __version__
 from uuvsim_cosim.cache import write_whole
 from uuvsim_cosim.errors import InputInvalid
+from uuvsim_cosim.fmus.resources import refuse_unless_it_fits
 from uuvsim_cosim.orchestrator.plan.algebraic_loops import hops_of
 from uuvsim_cosim.orchestrator.plan.loop_delays import loop_delays
 from uuvsim_cosim.orchestrator.plan.plan import Plan
@@ -32,13 +31,15 @@ from uuvsim_cosim.strict_json import strict
 __all__ = [
     "SCHEMA_VERSION",
     "RunFolder",
-    "check_free_space",
     "lock_run_folder",
     "provenance_of",
+    "refuse_too_large",
     "write_run_json",
 ]
 
-_SMALL = 20e6  # bytes; no check for recordings smaller than this
+# Bytes, at least: an instance of a small component, and the process of an isolated one.
+_COMPONENT: Mapping[Backend, float] = {"native": 2e3, "fmu": 1e4}
+_PROCESS = 2e7
 
 
 @dataclass(frozen=True)
@@ -113,19 +114,33 @@ def _is_locked(path: Path) -> bool:
         return False
 
 
-def check_free_space(folder: Path, wanted: float) -> None:
-    """Refuse a recording of `wanted` bytes that the disk cannot hold, before the first step."""
-    free = shutil.disk_usage(folder).free
-    if wanted > _SMALL and wanted > 0.9 * free:
-        times = math.ceil(wanted / (0.5 * free + 1.0))
-        raise InputInvalid(
-            f"output folder {folder}",
-            (
-                f"the recording would take about {wanted / 1e9:.3g} GB, and "
-                f"{free / 1e9:.3g} GB are free"
-            ),
-            f"a shorter run, or fewer rows (--record-every {times} records every {times}th step)",
-        )
+def refuse_too_large(
+    plan: Plan, backend: Backend, isolate: Collection[str], folder: Path, rows: float
+) -> None:
+    """Raise InputInvalid if a run does not fit in memory, or its `rows` on the disk of `folder`."""
+    separate = [c for c in plan.components if c.path in isolate or "*" in isolate]
+    refuse_unless_it_fits(
+        "isolate",
+        f"{len(separate)} components in separate processes",
+        _PROCESS * len(separate),
+        "fewer isolated components",
+    )
+    refuse_unless_it_fits(
+        "system",
+        f"{len(plan.components)} components",
+        _COMPONENT[backend] * len(plan.components),
+        "fewer components",
+    )
+    numbers = sum(
+        v.size for c in plan.components for v in c.description.of("output") if v.type != "Clock"
+    )
+    refuse_unless_it_fits(
+        f"output folder {folder}",
+        "the recording",
+        rows * 8.0 * (numbers + 2),
+        "a shorter run, or fewer rows (--record-every {times} records every {times}th step)",
+        folder=folder,
+    )
 
 
 def _make(path: Path) -> tuple[Path, ...]:

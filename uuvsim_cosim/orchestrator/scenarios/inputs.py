@@ -79,12 +79,12 @@ def read_inputs(texts: Sequence[str], plan: Plan) -> tuple[Drive, ...]:
         if d.variable.causality == "input" and place in connected and not d.added:
             raise InputInvalid(
                 f"--input {d.name}: is connected to {connected[place]}",
-                f"+{d.name}, which adds to that signal, or an input that nothing is connected to",
+                f"+{d.name}, which adds to that signal, or an unconnected input",
             )
         if d.variable.causality != "input" and not d.added:
             raise InputInvalid(
                 f"--input {d.name}: is an {d.variable.causality}",
-                f"+{d.name}, which adds to it, or an input that nothing is connected to",
+                f"+{d.name}, which adds to it, or an unconnected input",
             )
         if d.variable.causality != "input" or place in connected:
             # A fault of a signal acts from the first step's transfer on, not at the start.

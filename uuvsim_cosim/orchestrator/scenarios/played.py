@@ -5,13 +5,14 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from fractions import Fraction
-from typing import final
+from typing import Any, final
 
 import numpy as np
 
 from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.orchestrator.master.faults import Fault
 from uuvsim_cosim.orchestrator.master.master import Master
+from uuvsim_cosim.orchestrator.plan.plan import Plan
 from uuvsim_cosim.orchestrator.scenarios.scenario import (
     Change,
     Event,
@@ -60,7 +61,7 @@ class Played(SteppedMaster):
                     if isinstance(single, SignalFault):
                         master.faults.clear(master.faults.add(single.fault))
                     else:
-                        master.fitted(*_split(single.variable), single.value)
+                        self._change(single)
                     self._schedule(single)
             except InputInvalid as error:
                 raise InputInvalid(f"{place}: {error}") from None
@@ -77,15 +78,10 @@ class Played(SteppedMaster):
     def _schedule(self, event: Change | SignalFault) -> None:
         """Note the calls of an event, each by the communication point where it is due."""
         if isinstance(event, Change):
-            path, name = _split(event.variable)
-            master, value = self._master, event.value
-            self._at(
-                self._tick(event.at),
-                lambda: master.set(path, name, master.fitted(path, name, value)),
-            )
+            self._at(self._tick(event.at), lambda: self._master.set(*self._change(event)))
             return
         if math.isinf(event.at):
-            raise InputInvalid("at inf s", "a time that comes")
+            raise InputInvalid("at inf s", "a finite time")
         first, last = self._tick(event.at), self._tick(event.until)
         if last is not None and first is not None and last <= first:
             raise InputInvalid(
@@ -96,6 +92,24 @@ class Played(SteppedMaster):
         # Signals of a communication point are transferred at the end of the step before it.
         self._at(_before(first), lambda: numbers.append(faults.add(event.fault)))
         self._at(_before(last), lambda: faults.clear(numbers.pop()))
+
+    def _change(self, change: Change) -> tuple[str, str, Any]:
+        """Return component, variable and value; elements that are not named keep their value."""
+        path, _, name = change.variable.rpartition(".")
+        value = change.value
+        if name.endswith("]"):
+            point = _endpoint(change.variable, self._master.plan)
+            name = point.variable.name
+            if not point.whole:
+                whole = np.array(self._master.get(path, name), object)
+                new = value if isinstance(value, list) else [value] * len(point.elements)
+                if len(new) != len(point.elements) or any(isinstance(x, str) for x in new):
+                    raise InputInvalid(
+                        change.variable, repr(value), f"1 or {len(point.elements)} plain numbers"
+                    )
+                whole.flat[list(point.elements)] = new
+                value = whole.tolist()
+        return path, name, self._master.fitted(path, name, value)
 
     def _at(self, tick: int | None, call: Callable[[], None]) -> None:
         if tick is not None and tick >= self._master.tick:
@@ -114,9 +128,11 @@ def _before(tick: int | None) -> int | None:
     return None if tick is None else max(0, tick - 1)
 
 
-def _split(variable: str) -> tuple[str, str]:
-    path, _, name = variable.rpartition(".")
-    return path, name
+def _endpoint(text: str, plan: Plan) -> Endpoint:
+    try:
+        return resolve_endpoint(text, {c.path: c.description for c in plan.components})
+    except Misfit as misfit:
+        raise InputInvalid(str(misfit.at(text))) from None
 
 
 def events_of(event: Event, master: Master) -> Sequence[Change | SignalFault]:
@@ -128,11 +144,7 @@ def events_of(event: Event, master: Master) -> Sequence[Change | SignalFault]:
     """
     if not isinstance(event, Manipulation):
         return (event,)
-    plan = master.plan
-    try:
-        point = resolve_endpoint(event.variable, {c.path: c.description for c in plan.components})
-    except Misfit as misfit:
-        raise InputInvalid(str(misfit.at(event.variable))) from None
+    point = _endpoint(event.variable, master.plan)
     if point.variable.causality == "output":
         return (_fault(event, event.variable, event.value),)
     fed = [_feeding(event, master, point, e) for e in point.elements]
@@ -173,13 +185,14 @@ def _feeding(
             raise InputInvalid(
                 event.variable,
                 "is connected through a table of values",
-                f"the output that feeds it, {signal}",
+                f"the output connected to it, {signal}",
             )
         if others:
             raise InputInvalid(
                 event.variable,
-                f"is connected to {signal}, which feeds {', '.join(others)} too",
-                f"an unconnected input, or {signal} itself, for all that it feeds",
+                f"is connected to {signal}, which is connected to {', '.join(others)} as well",
+                f"an unconnected input, or {signal} itself, which changes all inputs connected to "
+                "it",
             )
         offset = transfer.offset if event.kind == "override" else 0.0
         return signal, (event.value - offset) / transfer.factor

@@ -9,7 +9,6 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Literal
 
-from uuvsim_cosim.content import content
 from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.models.declaration.parameter_files import line_of, read_yaml
 from uuvsim_cosim.orchestrator.master.faults import Fault
@@ -76,7 +75,7 @@ def read_scenario(path: str | Path) -> Scenario:
         raise InputInvalid(path, "no such file", "a scenario, .yaml or .json")
     if path.suffix.lower() == ".json":
         return _libcosim(path)
-    data = read_yaml(path, content("orchestrator", "scenarios", "scenario.schema.json"))
+    data = read_yaml(path, "scenario.schema.json")
     events: list[Change | SignalFault] = []
     wrong: list[str] = []
     for i, item in enumerate(data["events"]):

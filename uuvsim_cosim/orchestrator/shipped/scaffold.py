@@ -200,12 +200,12 @@ def _python(slot: Slot) -> dict[str, str]:
         "    }\n"
     )
     values = ", ".join(f'"{c.name}": {"tau" if law else _zero(c)}' for c in _of(slot, "output"))
-    body = PD_LAW if law else "        # Your law here; u holds the inputs by name.\n"
+    body = PD_LAW if law else "        # Your control law here; u contains the inputs by name.\n"
     text = (
         f'"""A component for the slot {slot.path!r}; change step() to what you want."""\n\n'
         + ("import numpy as np\n\n\n" if law or "np." in values else "\n")
         + f"class {name}:\n"
-        + f'    """Takes the place of {slot.path}."""\n\n'
+        + f'    """Replaces {slot.path}."""\n\n'
         + "    inputs = {\n"
         + "".join(declared(c) for c in _of(slot, "input"))
         + "    }\n    outputs = {\n"
@@ -213,7 +213,7 @@ def _python(slot: Slot) -> dict[str, str]:
         + "    }\n"
         + (parameters if law else "")
         + "\n    def step(self, t, dt, u):\n"
-        + '        """Give all outputs, valid at t + dt, from the inputs at t."""\n'
+        + '        """Return all outputs, valid at t + dt, from the inputs at t."""\n'
         + body
         + f"        return {{{values}}}\n"
     )
@@ -241,7 +241,7 @@ OUTPUTS = {outputs}
 
 
 class {name}(Fmi3Slave):
-    """Takes the place of {path}."""
+    """Replaces {path}."""
 
     author = "me"
 
@@ -313,7 +313,7 @@ def _pythonfmu3(slot: Slot) -> dict[str, str]:
         inputs={c.name: c.shape[0] if c.shape else 0 for c in _of(slot, "input")},
         outputs={c.name: c.shape[0] if c.shape else 0 for c in _of(slot, "output")},
         gains=GAINS if law else "",
-        body=body if law else "        # Your law here; u holds the inputs by name.\n",
+        body=body if law else "        # Your control law here; u contains the inputs by name.\n",
         values=values,
     )
     return {file: text.replace("'", '"')}

@@ -6,6 +6,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 
+from uuvsim_cosim.orchestrator.shipped.autopilot import bluerov2_ardusub
 from uuvsim_cosim.orchestrator.shipped.pool import pool_tracking
 from uuvsim_cosim.orchestrator.shipped.tasks import OBSERVED, THRUSTERS, task_system
 from uuvsim_cosim.orchestrator.shipped.tracking import target_tracking
@@ -155,6 +156,7 @@ def bluerov2_survey() -> System:
 
 
 BUILDERS: dict[str, Callable[[], System]] = {
+    "bluerov2_ardusub": lambda: bluerov2_ardusub(bluerov2_survey()),
     "bluerov2_hold": bluerov2_hold,
     "bluerov2_survey": bluerov2_survey,
     "bluerov2_task": task_system,

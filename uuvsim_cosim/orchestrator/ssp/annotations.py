@@ -91,7 +91,9 @@ def system_step(root: Xml, system: Xml, remarks: list[str]) -> str | None:
         for e in _local(item, "VariableStepMaster"):
             given = e.get("initialStepSize", "")
             found.append((OMS, given))
-            remarks.append(f"{OMS}: a variable step; its initial one, {given} s, is taken always")
+            remarks.append(
+                f"{OMS}: a variable step; its initial value, {given} s, is used for all steps"
+            )
     return _agreed(found, f"system {system.get('name', '')!r}", remarks)
 
 
@@ -110,7 +112,7 @@ def component_step(component: Xml, tick: Fraction, remarks: list[str]) -> str | 
             if abs(step - rounded) > _SAME * step:
                 remarks.append(
                     f"{place}: {OSP} hints at a step of {text} s, no multiple of "
-                    f"{step_text(tick)} s: {step_text(rounded)} s is taken, as libcosim does"
+                    f"{step_text(tick)} s: {step_text(rounded)} s is used, as in libcosim"
                 )
             found.append((OSP, step_text(rounded)))
     return _agreed(found, place, remarks)
@@ -123,8 +125,8 @@ def _agreed(found: list[tuple[str, str]], place: str, remarks: list[str]) -> str
         first, first_text, used = steps[0]
         if abs(step - used) > _SAME * used:
             remarks.append(
-                f"{place}: {first} says a step of {first_text} s and {tool} one of {text} s; "
-                f"{first_text} s is taken"
+                f"{place}: {first} states a step of {first_text} s and {tool} one of {text} s; "
+                f"{first_text} s is used"
             )
     return steps[0][1] if steps else None
 

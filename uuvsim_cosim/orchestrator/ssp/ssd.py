@@ -13,6 +13,7 @@ from uuvsim_cosim.cache import write_whole
 from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.fmus.description import Description, Variable
 from uuvsim_cosim.models.declaration.element_names import index_text
+from uuvsim_cosim.models.declaration.parameter_files import vehicle_ids
 from uuvsim_cosim.models.declaration.units import Unit
 from uuvsim_cosim.orchestrator.parameters.ssp_xml import (
     MIME,
@@ -31,7 +32,11 @@ from uuvsim_cosim.orchestrator.ssp.annotations import (
 )
 from uuvsim_cosim.orchestrator.ssp.ssd_reader import read_ssd
 from uuvsim_cosim.orchestrator.system.elements import Element, step_text
-from uuvsim_cosim.orchestrator.system.resolve import resolve
+from uuvsim_cosim.orchestrator.system.resolve import (
+    is_vehicle_path,
+    resolve,
+    with_vehicle_paths,
+)
 from uuvsim_cosim.orchestrator.system.system import System
 from uuvsim_cosim.orchestrator.values.endpoints import (
     Endpoint,
@@ -46,7 +51,21 @@ __all__ = ["format_ssd", "read_ssd", "write_ssd"]
 
 
 def write_ssd(system: System, path: Path, version: SspVersion = "2.0") -> None:
-    """Write a system; relative files of its sources are named from the file's folder."""
+    """Write a `system` to the file `path` as .ssd of SSP `version` 1.0 or 2.0.
+
+    Relative files of its sources are named from the file's folder. Raises InputInvalid if the file
+    cannot be written.
+
+    Example:
+
+    >>> from pathlib import Path
+    >>> import uuvsim_cosim as uuv
+    >>> from uuvsim_cosim.orchestrator import write_ssd
+    >>> bench = uuv.System("bench").add("battery", "model:battery")
+    >>> write_ssd(bench, Path("bench.ssd"), version="1.0")
+    >>> uuv.load("bench.ssd") == bench
+    True
+    """
     data = format_ssd(system, version, path.parent)
     try:
         write_whole(path, data)
@@ -89,14 +108,23 @@ class _Writer:
             xml.set("description", description or system.description)
         interface = system.interface()
         self._connectors(xml, interface, list(interface.variables))
+        used: dict[str, list[str]] = {e.name: [] for e in system.elements}
+        for wire in system.checked.wires:
+            for point in (wire.source, wire.target):
+                used[point.element].append(point.variable.name)
+        for exposed in system.exposed:
+            inner = resolve_endpoint(exposed.path, system.checked.descriptions)
+            used[inner.element].append(inner.variable.name)
         if system.elements:
             parent = SubElement(xml, "ssd:Elements")
             for element in system.elements:
-                parent.append(self._element(system, element))
+                parent.append(self._element(system, element, used[element.name]))
         self._connections(xml, system)
         note = Xml("uuvsim:System", tick=step_text(system.base_step))
         if system.loops != "iterate":
             note.set("loops", system.loops)
+        if system.mismatches != "refuse":
+            note.set("mismatches", system.mismatches)
         for group in system.groups:
             item = SubElement(note, "uuvsim:Group", algorithm=group.algorithm)
             if group.algorithm == "iterated":
@@ -113,7 +141,7 @@ class _Writer:
         add_system_step(xml, system.base_step)
         return xml
 
-    def _element(self, system: System, element: Element) -> Xml:
+    def _element(self, system: System, element: Element, used: list[str]) -> Xml:
         if not isinstance(element.source, str):
             return self.system(system.nested(element.name), element.name, element.description)
         source, mime = self._source(element.source, system.base)
@@ -132,12 +160,6 @@ class _Writer:
         if element.description:
             xml.set("description", element.description)
         description = system.checked.descriptions[element.name]
-        points = [p for w in system.checked.wires for p in (w.source, w.target)]
-        used = [p.variable.name for p in points if p.element == element.name]
-        for item in system.exposed:
-            inner = resolve_endpoint(item.path, system.checked.descriptions)
-            if inner.element == element.name:
-                used.append(inner.variable.name)
         self._connectors(xml, description, [*used, *element.units])
         if element.start:
             bindings = SubElement(xml, "ssd:ParameterBindings")
@@ -166,11 +188,13 @@ class _Writer:
         file, colon, rest = (
             source.rpartition(":") if resolved.kind == "Python" else (source, "", "")
         )
+        here = Path(os.path.abspath(base or Path()))
+        there = Path(os.path.abspath(self.folder))
+        if source.startswith("model:") and here != there:
+            return with_vehicle_paths(source, lambda p: _seen_from(there, here, p)), mime
         is_file = resolved.kind in ("FMU", "system") or file.endswith(".py")
         if not is_file or Path(file).is_absolute():
             return source, mime
-        here = Path(os.path.abspath(base or Path()))
-        there = Path(os.path.abspath(self.folder))
         if here != there:
             file = Path(os.path.relpath(here / file, there)).as_posix()
         return f"{file}{colon}{rest}", mime
@@ -259,3 +283,10 @@ class _Writer:
     def _use(self, variables: list[Variable], description: Description) -> None:
         self.units.update(description.units)
         self.unit_names.update(u for v in variables if is_float(v) for u in v.units if u)
+
+
+def _seen_from(there: Path, here: Path, path: str) -> str:
+    """Return the path of a vehicle in the folder `here` as seen from the folder `there`."""
+    if Path(path).is_absolute() or path in vehicle_ids() or not is_vehicle_path(here / path):
+        return path
+    return Path(os.path.relpath(here / path, there)).as_posix()

@@ -101,7 +101,7 @@ class _Reader:
             self.wrong(error)
             own_step = DEFAULT_TICK
         if own_step is None and tick is None and not prefix:
-            remarks.append(f"gives no step: {DEFAULT_TICK} s is taken")
+            remarks.append(f"states no step: {DEFAULT_TICK} s is used")
         step = own_step or tick or DEFAULT_TICK
         elements, broken = self._elements(xml, step, prefix, remarks)
         links = read_links(xml, self.wrong, prefix)
@@ -134,7 +134,9 @@ class _Reader:
                 tuple(links.exposed),
                 self.folder,
                 tuple(dict.fromkeys(f"{self.path.name}: {r}" for r in remarks)),
-                loops=own.get("loops", "iterate"),  # type: ignore[arg-type]  # System checks it
+                # System checks both policies.
+                loops=own.get("loops", "iterate"),  # type: ignore[arg-type]
+                mismatches=own.get("mismatches", "refuse"),  # type: ignore[arg-type]
             )
         except SystemInvalid as error:
             for p in error.problems:
@@ -241,7 +243,7 @@ class _Reader:
         for name, value in start.items():
             owner, _, connector = f"{place}.{name}".rpartition(".")
             if connector in self.borders.get(f"{owner}.", Border()).idle:
-                remarks.append(f"value of '{place}.{name}', a connector that leads to nothing")
+                remarks.append(f"value of '{place}.{name}', a connector that is not connected")
                 continue
             try:
                 alone = System("", elements=(element,), base=self.folder)

@@ -27,6 +27,7 @@ __all__ = [
 Algorithm = Literal["jacobi", "gauss-seidel", "iterated"]
 Solver = Literal["newton", "anderson", "fixed-point"]
 Loops = Literal["iterate", "refuse", "delay"]  # policy for algebraic loops
+Mismatches = Literal["refuse", "warn"]  # policy for parts that are made for another vehicle
 
 
 @dataclass(frozen=True)
@@ -90,7 +91,8 @@ class Structure(ABC):
 
     `tick` is the base step in s, exact; a run goes from `start_time` to `stop_time` [s] by
     default. `loops` is the policy for algebraic loops (see `System.with_loops`); that of a nested
-    system is not used. Relative files of sources are in `base`.
+    system is not used, nor is its policy for `mismatches` (see `System.with_mismatches`). Relative
+    files of sources are in `base`.
     """
 
     name: str
@@ -105,10 +107,11 @@ class Structure(ABC):
     stop_time: float | None = None
     loops: Loops = "iterate"
     start_time: float = 0.0
+    mismatches: Mismatches = "refuse"
 
     @property
     def base_step(self) -> Fraction:
-        """The tick, in s."""
+        """The tick [s]."""
         return Fraction(self.tick)
 
     @property

@@ -18,10 +18,11 @@ import importlib.metadata
 import re
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from urllib.parse import parse_qs, unquote, urlsplit
+from urllib.parse import parse_qs, quote, unquote, urlsplit
 
 from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.models.declaration.near_names import did_you_mean
+from uuvsim_cosim.models.declaration.parameter_files import vehicle_ids
 from uuvsim_cosim.orchestrator.system.elements import Structure
 from uuvsim_cosim.orchestrator.system.sources import (
     FmuSource,
@@ -37,10 +38,12 @@ __all__ = [
     "REMARK",
     "anchored",
     "described_by",
+    "is_vehicle_path",
     "nested_structure",
     "proxy_file",
     "register",
     "resolve",
+    "with_vehicle_paths",
 ]
 
 ENTRY_POINTS = "uuvsim_cosim.sources"
@@ -59,7 +62,7 @@ def resolve(source: str, base: Path | None = None) -> Source:
     base = Path() if base is None else base
     scheme, colon, _ = source.partition(":")
     if colon and scheme == "model":
-        return ModelSource(source)
+        return ModelSource(with_vehicle_paths(source, lambda path: _beside(path, base)))
     if colon and scheme == "function":
         return FunctionSource(source)
     if colon and scheme not in _factories:
@@ -93,7 +96,7 @@ def resolve(source: str, base: Path | None = None) -> Source:
         return _named(source, bare[1])
     schemes = {e.name for e in importlib.metadata.entry_points(group=ENTRY_POINTS)}
     raise InputInvalid(
-        f"source {source!r} is of no known kind; expected a .fmu, .ssd, .ssp or .csv file, "
+        f"source {source!r} is of an unknown kind; expected a .fmu, .ssd, .ssp or .csv file, "
         f"FILE.py:Class, package.module:Class, model:NAME?option=value"
         + "".join(f", {s}:…" for s in sorted(schemes | set(_factories)))
     )
@@ -112,7 +115,11 @@ def anchored(source: str, base: Path | None) -> str:
     bare name of a model is replaced by its full source.
     """
     if (bare := _BARE.fullmatch(source)) is not None and _is_known(bare[1], source):
-        return _named(source, bare[1]).text
+        source = _named(source, bare[1]).text
+    if source.startswith("model:") and base is not None:
+        return with_vehicle_paths(source, lambda path: _beside(path, Path(), base))
+    if bare is not None:
+        return source
     file, colon, name = source, "", ""
     if Path(source.partition("#")[0]).suffix.lower() not in _SUFFIXES:
         file, colon, name = source.rpartition(":")
@@ -122,6 +129,43 @@ def anchored(source: str, base: Path | None) -> str:
     if base is None or not file or path.is_absolute() or not path.is_file():
         return source
     return f"{path.absolute()}{colon}{name}"
+
+
+def with_vehicle_paths(source: str, changed: Callable[[str], str]) -> str:
+    """Return a ``model:`` source with its vehicles that are paths replaced by `changed` of them.
+
+    A vehicle is the name of the source, ``model:folder@set``, or an option `id` or `vehicle`.
+    """
+    name, mark, query = source.removeprefix("model:").partition("?")
+    parts = [("", name), *(p.partition("=")[::2] for p in query.split("&") if mark)]
+    texts = []
+    for key, value in parts:
+        path, at, set_ = unquote(value).partition("@")
+        new = changed(path) if key in ("", "id", "vehicle") and path else path
+        text = value if new == path else quote(f"{new}{at}{set_}", safe="/:@~ ")
+        texts.append(f"{key}={text}" if key else text)
+    return f"model:{texts[0]}{mark}{'&'.join(texts[1:])}"
+
+
+def _beside(path: str, folder: Path, other: Path | None = None) -> str:
+    """Return the path of a vehicle in a `folder`, absolute; as it stands if it is not there.
+
+    It stands, too, if the folder is the current one, or the `other` one.
+    """
+    there = folder / path
+    if Path(path).is_absolute() or not is_vehicle_path(there):
+        return path
+    same = Path() if other is None else other
+    if folder.absolute() == same.absolute() or path in vehicle_ids():
+        return path
+    return str(there.absolute())
+
+
+def is_vehicle_path(path: Path) -> bool:
+    """Return whether a path leads to a vehicle's folder, or to its file of parameters."""
+    if path.suffix in (".yaml", ".yml"):
+        return path.is_file()
+    return (path / "parameters.yaml").is_file()
 
 
 def nested_structure(source: str | Structure, base: Path | None) -> Structure | None:
@@ -182,7 +226,7 @@ def _file(name: str, base: Path, what: str) -> Path:
     raise InputInvalid(path, f"no such file{did_you_mean(path.name, files)}", what)
 
 
-REMARK = "proxyfmu is read as its file; --isolate gives it a process"
+REMARK = "the file of proxyfmu is read; --isolate runs it in a separate process"
 
 
 def proxy_file(source: str) -> str | None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar, Literal, Protocol
@@ -13,13 +13,20 @@ from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.fmus.component import Component
 from uuvsim_cosim.fmus.description import Description, Variable
 from uuvsim_cosim.fmus.importer.input_csv import Series, read_input_csv
-from uuvsim_cosim.models.declaration.files_read import shared_until_changed
+from uuvsim_cosim.models.declaration.files_read import (
+    Stamp,
+    kept_until_changed,
+    noted_result,
+    shared_until_changed,
+    stamp,
+)
 from uuvsim_cosim.orchestrator.python.component import PythonComponent, load_python_component
 from uuvsim_cosim.orchestrator.system.elements import Structure
 from uuvsim_cosim.orchestrator.system.formats import read_structure
 
 if TYPE_CHECKING:
     from uuvsim_cosim.fmus.codegen.lowering import Lowered
+    from uuvsim_cosim.fmus.codegen.native import Native
     from uuvsim_cosim.fmus.importer.read_description import FmuArchive
     from uuvsim_cosim.fmus.tracing.trace import Trace
     from uuvsim_cosim.models.declaration.model import Model
@@ -57,9 +64,9 @@ class Source(Protocol):
         """Instantiate the component `path`."""
 
 
-_classes: dict[tuple[str, int], Description] = {}  # of Python classes
-_systems: dict[tuple[str, int], Structure] = {}
-_archives: dict[tuple[str, int], FmuArchive] = {}
+_classes: dict[tuple[str, Stamp], Description] = {}  # of Python classes
+_systems: dict[tuple[str, Stamp], Structure] = {}
+_archives: dict[tuple[str, Stamp], FmuArchive] = {}
 
 
 @dataclass(frozen=True)
@@ -117,7 +124,7 @@ class PythonSource:
     def describe(self) -> Description:
         """Return the interface that the class declares; cached until its file changes."""
         where = self.text.rpartition(":")[0]
-        key = (self.text, _mtime(Path(where)) if where.endswith(".py") else 0)
+        key = (self.text, stamp(Path(where)) if where.endswith(".py") else None)
         if key not in _classes:
             _classes[key] = self.instantiate("description").description
         return _classes[key]
@@ -132,6 +139,7 @@ class _Declared:
     """A declaration, with its description and its C code, which are made at the first use."""
 
     model: Model
+    _natives: dict[str, Native] = field(default_factory=dict)  # the first one of each compiler
 
     @cached_property
     def description(self) -> Description:
@@ -145,10 +153,40 @@ class _Declared:
 
         return lower(self.model)
 
+    def native(self, path: str) -> Native:
+        """Make a native component; the first one loads the library, which the others share."""
+        from uuvsim_cosim.fmus.codegen.native import Native
+        from uuvsim_cosim.fmus.codegen.toolchain import compiler
+
+        identity = compiler()[1]
+        first = self._natives.get(identity)
+        if first is not None:
+            return first.another(path)
+        made = self._natives[identity] = Native(self.lowered, path)
+        return made
+
 
 @shared_until_changed
 def _declared(source: ModelSource) -> _Declared:
     return _Declared(source.declaration())
+
+
+@kept_until_changed
+def _description(text: str) -> Description:
+    """Return the description of a declaration of this package; most runs need no more of it."""
+    return _declared(_of_text(text)).description
+
+
+@kept_until_changed
+def _fmu(text: str) -> Path:
+    """Return the FMU of a declaration; the text begins with the compiler's identity."""
+    from uuvsim_cosim.fmus.export.fmu_file import build_fmu
+
+    return noted_result(build_fmu(_of_text(text.partition("\n")[2]).lowered(), fmi=3))
+
+
+def _of_text(text: str) -> ModelSource:
+    return FunctionSource(text) if text.startswith("function:") else ModelSource(text)
 
 
 @dataclass(frozen=True)
@@ -174,17 +212,25 @@ class ModelSource:
 
     def describe(self) -> Description:
         """Describe the declaration; needs no compiler."""
-        return _declared(self).description
+        if type(self) not in (ModelSource, FunctionSource):  # its text alone does not name it
+            return _declared(self).description
+        return _description(self.text)
+
+    def fmu(self) -> Path:
+        """Return the declaration as an FMU in the cache, built if necessary; see `build_fmu`."""
+        from uuvsim_cosim.fmus.codegen.toolchain import compiler
+
+        if type(self) not in (ModelSource, FunctionSource):
+            from uuvsim_cosim.fmus.export.fmu_file import build_fmu
+
+            return build_fmu(self.lowered(), fmi=3)
+        return _fmu(f"{compiler()[1]}\n{self.text}")
 
     def instantiate(self, path: str, *, backend: Backend = "fmu") -> Component:
         """Compile the declaration: exported as an FMU and loaded, or native in this process."""
         if backend == "native":
-            from uuvsim_cosim.fmus.codegen.native import Native
-
-            return Native(self.lowered(), path)
-        from uuvsim_cosim.fmus.export.fmu_file import build_fmu
-
-        return FmuSource(build_fmu(self.lowered(), fmi=3)).instantiate(path)
+            return _declared(self).native(path)
+        return FmuSource(self.fmu()).instantiate(path)
 
 
 @dataclass(frozen=True)
@@ -202,7 +248,7 @@ class SystemSource:
 
     def system(self) -> Structure:
         """Read the system; cached until the file changes."""
-        key = (self.text, _mtime(self.path))
+        key = (self.text, stamp(self.path))
         if key not in _systems:
             _systems[key] = read_structure(self.path, self.variant)
         return _systems[key]
@@ -223,16 +269,12 @@ def _archive(fmu: FmuSource) -> FmuArchive:
     """Read an FMU once until it changes, so that other instances need no unpacking and checks."""
     from uuvsim_cosim.fmus.importer.read_description import read_fmu
 
-    key = (fmu.text, _mtime(fmu.path))
+    key = (fmu.text, stamp(fmu.path))
     if key not in _archives or not _archives[key].folder.is_dir():
         structure = dict(fmu.options)
         interface = structure.pop("interface", None)
         _archives[key] = read_fmu(fmu.path, interface, structure)
     return _archives[key]
-
-
-def _mtime(path: Path) -> int:
-    return path.stat().st_mtime_ns
 
 
 _LIMIT = 10_000

@@ -1,20 +1,13 @@
-"""System: components, connections and start values as one value, which is always valid.
-
->>> system = (
-...     System("tank", tick="0.01")
-...     .add("hull", "model:bluerov2_heavy")
-...     .add("controller", "my.py:MyController", rate="0.02", start={"Kp": 3})
-...     .connect("hull.eta", "controller.eta")
-...     .connect("controller.tau_d", "hull.tau")
-... )  # doctest: +SKIP
-"""
+"""System: components, connections and start values as one value, which is always valid."""
 
 from __future__ import annotations
 
+import numbers
 import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
+from math import isfinite
 from pathlib import Path
 
 from uuvsim_cosim.errors import Problem, SystemInvalid, UuvsimError
@@ -28,6 +21,7 @@ from uuvsim_cosim.orchestrator.system.elements import (
     Element,
     Exposed,
     Loops,
+    Mismatches,
     Solver,
     StepGroup,
     Structure,
@@ -35,7 +29,15 @@ from uuvsim_cosim.orchestrator.system.elements import (
 from uuvsim_cosim.orchestrator.system.formats import write_structure
 from uuvsim_cosim.orchestrator.system.resolve import anchored, nested_structure
 from uuvsim_cosim.orchestrator.system.slot import Slot, fitted, slot_at
-from uuvsim_cosim.orchestrator.system.validation import Checked, as_step, check, problem_of
+from uuvsim_cosim.orchestrator.system.validation import (
+    Checked,
+    as_step,
+    check,
+    problem_of,
+    with_connection,
+    with_element,
+    with_start,
+)
 from uuvsim_cosim.orchestrator.system.wiring import Wire
 from uuvsim_cosim.orchestrator.values.endpoints import find_element, resolve_endpoint
 from uuvsim_cosim.orchestrator.values.transformation import table_of
@@ -50,8 +52,52 @@ _NUMBERED = re.compile(r"^(?P<stem>.*?)\{(?P<k>\d+)\}")  # of a peer (see `Syste
 class System(Structure):
     """Components, their connections and start values; every edit returns a new system.
 
-    For its fields see `Structure`. Raises SystemInvalid, with every problem, if the system is not
-    valid.
+    `name` and `description` are texts. `tick` is the base step [s], exact. A run goes from
+    `start_time` to `stop_time` [s] by default. The methods edit the components (`elements`), the
+    `connections`, the `groups` that step together and the `exposed` connectors. `loops` is the
+    policy for algebraic loops (see `with_loops`), `mismatches` that for parts of another vehicle
+    (see `with_mismatches`), `base` the folder of relative files of sources,
+    and `remarks` are about the file from which the system was read. A path such as ``port.motor``
+    leads to the component ``motor`` of the nested system ``port``.
+
+    Methods raise SystemInvalid, with every problem, if the result would not be valid.
+
+    Example:
+
+    >>> import uuvsim_cosim as uuv
+    >>> system = (
+    ...     uuv.System("bench", tick="0.01")
+    ...     .add("battery", "model:battery", start={"soc_0": 0.5})  # half full
+    ...     .add("motor", "model:thruster_t200")
+    ...     .connect("battery.voltage", "motor.voltage")
+    ...     .connect("motor.current", "battery.current")
+    ...     .set("motor.u", 0.5)  # command, in [-1, 1]
+    ... )
+    >>> list(system.components), system.base_step
+    (['battery', 'motor'], Fraction(1, 100))
+    >>> list(system.remove("battery").components)
+    ['motor']
+
+    Example: replace a controller.
+
+    >>> hold = uuv.load("bluerov2_hold")
+    >>> [connector.name for connector in hold.slot("controller").connectors]
+    ['eta_d', 'nu_d', 'eta', 'nu', 'tau_d']
+    >>> changed = hold.replace("controller", "model:sliding_mode")
+    >>> changed.components["controller"].source, changed.notes
+    ('model:sliding_mode', ())
+
+    Example: nest a system in another.
+
+    >>> pod = uuv.System("pod").add("motor", "model:thruster_t200")
+    >>> pod = pod.expose("voltage", "motor.voltage").expose("thrust", "motor.thrust")
+    >>> list(pod.interface().variables)
+    ['voltage', 'thrust']
+    >>> rig = uuv.System("rig").add("port", pod).set("port.motor.u", 0.5)
+    >>> rig.nested("port").components["motor"].start
+    {'u': 0.5}
+    >>> rig.describe("port.motor").name, rig.nested_or_none("starboard")
+    ('thruster_t200', None)
     """
 
     checked: Checked = field(init=False, repr=False, compare=False)
@@ -81,12 +127,18 @@ class System(Structure):
         rate: Fraction | str | float | None = None,
         description: str = "",
     ) -> System:
-        """Add a component, or a nested system; `rate` is its communication step in s."""
+        """Add a component, or a nested system, at a new `path`.
+
+        `source` is an FMU (``hull.fmu``), a declaration (``model:battery``), a Python class
+        (``my.py:MyController``), a table of values over time (``current.csv``), or a system.
+        `start` are start values by name; `rate` is the communication step [s], by default the
+        tick; `description` is a text.
+        """
         inner = self._inside(path)
         if inner is not None:
             name, rest = inner
             return self._edited(name, self.nested(name).add(rest, source, start, rate, description))
-        if path in self.components:
+        if path in self.checked.descriptions:
             raise SystemInvalid([Problem(path, "a second component of this name", "a new name")])
         if isinstance(source, str):
             source = anchored(source, self.base)
@@ -100,6 +152,9 @@ class System(Structure):
                 nested = nested.set(name, value)
             source, start = nested, None
         element = Element(path, source, dict(start or {}), step, description)
+        checked = with_element(self, self.checked, element)
+        if checked is not None:
+            return self._known(checked)
         return replace(self, elements=(*self.elements, element))
 
     def connect(
@@ -112,16 +167,35 @@ class System(Structure):
         convert: bool = True,
         table: Mapping[bool, bool] | Mapping[int, int] | Mapping[str, str] | None = None,
     ) -> System:
-        """Connect an output to an input: ``a.y``, one element ``a.y[3]``, a slice ``a.y[1:3]``.
+        """Connect the output `source` to the input `target`.
 
-        `table` maps Booleans, integers, or names of an enumeration's items.
+        Each is a whole variable ``a.y``, one element ``a.y[3]``, counted from 1, or a slice
+        ``a.y[1:3]``, its end included. The target gets `factor` · value + `offset`, after the
+        conversion into its unit if `convert`; or, with `table`, the entry for the value, which is a
+        Boolean, an integer or the name of an enumeration's item.
         """
         pairs = () if table is None else table_of(table, f"{source} to {target}")
+        for name, value in (("factor", factor), ("offset", offset)):
+            if not (isinstance(value, numbers.Real) and isfinite(value)):
+                place = f"{source} -> {target}"
+                raise SystemInvalid([Problem(place, f"{name} {value!r}", "a finite number")])
         connection = Connection(source, target, float(factor), float(offset), convert, pairs)
+        checked = with_connection(self.checked, connection)
+        if checked is not None:
+            new = checked.wires[len(self.checked.wires) :]
+            return self._known(checked, (*self.connections, *(w.connection for w in new)))
         return replace(self, connections=(*self.connections, connection))
 
     def disconnect(self, target: str) -> System:
-        """Remove the connections to an input, or to elements of it."""
+        """Remove the connections to the input `target`, ``a.u``, or to elements of it, ``a.u[1]``.
+
+        Example:
+
+        >>> import uuvsim_cosim as uuv
+        >>> system = uuv.load("bluerov2_hold").disconnect("hull.tau")
+        >>> any(connection.target == "hull.tau" for connection in system.connections)
+        False
+        """
         try:
             point = resolve_endpoint(target, self.checked.descriptions)
         except Misfit as misfit:
@@ -146,7 +220,10 @@ class System(Structure):
         return replace(self, connections=tuple(kept))
 
     def set(self, path: str, value: object) -> System:
-        """Set a start value, in the variable's unit, or as text with a unit: ``"2 km/h"``."""
+        """Set the start value of the variable at `path`, such as ``hull.m`` or ``hull.eta_0[3]``.
+
+        `value` is in the variable's unit, or a text with a unit: ``"2 km/h"``.
+        """
         inner = self._inside(path)
         if inner is not None:
             name, rest = inner
@@ -164,7 +241,10 @@ class System(Structure):
             expected = expected_names(path, parameters, "COMPONENT.VARIABLE")
             raise SystemInvalid([Problem(path, "no component and variable", expected)])
         name, key = self._split(path)
-        element = self.components[name]
+        checked = with_start(self, self.checked, name, key, value)
+        if checked is not None:
+            return self._known(checked)
+        element = self._element(name)
         return self._with(replace(element, start={**element.start, key: value}))
 
     def group(
@@ -176,25 +256,56 @@ class System(Structure):
         tolerance: float = 1e-10,
         limit: int = 100,
     ) -> System:
-        """Step these components together by another rule than Jacobi.
+        """Step the components `members` together by another `algorithm` than Jacobi.
 
         "gauss-seidel": in this order, each with the new outputs of those before. "iterated": the
-        step is repeated until inputs and outputs at its end agree, by the solver, within the
-        tolerance (of a residual, relative to 1 + |input|), in at most `limit` iterations.
+        step is repeated until inputs and outputs at its end agree, by the `solver`, within the
+        `tolerance` (of a residual, relative to 1 + |input|), in at most `limit` iterations.
+
+        Example:
+
+        >>> import uuvsim_cosim as uuv
+        >>> system = uuv.System("bench").add("battery", "model:battery").add("t", "model:thruster")
+        >>> system.group(["battery", "t"]).groups[0].algorithm
+        'gauss-seidel'
         """
         group = StepGroup(tuple(members), algorithm, solver, tolerance, limit)
         return replace(self, groups=(*self.groups, group))
 
     def with_loops(self, policy: Loops) -> System:
-        """Return the system with another policy for algebraic loops that no group solves.
+        """Return the system with another `policy` for algebraic loops that no group solves.
 
         "iterate": they are iterated at each communication point; a loop whose members cannot be
         iterated is refused. "refuse": all are refused. "delay": each connection delays by a step.
+
+        Example:
+
+        >>> import uuvsim_cosim as uuv
+        >>> uuv.load("bluerov2_hold").with_loops("refuse").loops
+        'refuse'
         """
         return replace(self, loops=policy)
 
+    def with_mismatches(self, policy: Mismatches) -> System:
+        """Return the system with another `policy` for parts that are made for another vehicle.
+
+        "refuse": a system with a hull on other thrusters, an allocation for other places, or gains
+        for another inertia is refused before it runs. "warn": each is a warning instead.
+
+        Example:
+
+        >>> import uuvsim_cosim as uuv
+        >>> mixed = uuv.load("bluerov2_hold").replace("hull", "model:remus100")
+        >>> mixed.with_mismatches("warn").mismatches
+        'warn'
+        """
+        return replace(self, mismatches=policy)
+
     def expose(self, name: str, path: str) -> System:
-        """Make an inner connector a connector of the system, for use inside another system."""
+        """Make the inner connector at `path` a connector `name` of the system.
+
+        Another system that nests this one connects it by this name.
+        """
         return replace(self, exposed=(*self.exposed, Exposed(name, path)))
 
     def replace(
@@ -205,12 +316,13 @@ class System(Structure):
         rate: Fraction | str | float | None = None,
         start: Mapping[str, object] | None = None,
     ) -> System:
-        """Replace a component by another that fits its slot.
+        """Replace the component at `path` by another, `source`, that fits its slot.
 
         `map` maps names of the slot to names of the replacement (``{"tau_d": "Out1"}``,
-        ``{"tau_d[3]": "Out3"}``), or is an .ssm file. The slot's step is kept unless `rate` is
-        given, and so are start values of variables that the replacement has too. Its peers (see
-        `orchestrator/system/system.py`) are connected as well.
+        ``{"tau_d[3]": "Out3"}``), or is an .ssm file. The slot's step is kept unless `rate` [s] is
+        given, and so are start values of variables that the replacement has too; `start` are
+        others. An input that the slot does not have is connected to the signal that the replacement
+        names for it, if the system has that signal.
         """
         return self._fitted(path, source, map, rate, start)._with_peers(path)
 
@@ -243,7 +355,7 @@ class System(Structure):
         """
         owner, dot, _ = path.partition(".")
         nested = self.nested_or_none(owner) if dot else None
-        if nested is None and path not in self.components:
+        if nested is None and path not in self.checked.descriptions:
             return self
         fed = {(w.target.element, w.target.variable.name) for w in self._wires_at(path)}
         element = path.rpartition(".")[2]
@@ -262,16 +374,27 @@ class System(Structure):
                 target, wider = wider._offered(f"{path}.{name}")
                 system = wider.connect(source, target)
             except SystemInvalid:
-                remark = f"{path}.{name}: nothing feeds it; {peer} is not in this system"
+                remark = f"{path}.{name}: it is not connected, because {peer} is not in this system"
                 system = replace(system, remarks=(*system.remarks, remark))
         return system
 
     def write(self, path: str | Path) -> None:
-        """Write the system as .ssd, without loss; files of sources are named relative to it."""
+        """Write the system to the file `path` as .ssd, without loss.
+
+        Files of sources are named relative to its folder.
+
+        Example:
+
+        >>> import uuvsim_cosim as uuv
+        >>> hold = uuv.load("bluerov2_hold")
+        >>> hold.write("hold.ssd")
+        >>> uuv.load("hold.ssd") == hold
+        True
+        """
         write_structure(self, Path(path))
 
     def remove(self, name: str) -> System:
-        """Remove a component with its connections."""
+        """Remove the component `name` with its connections."""
         self._split(f"{name}.")
         wires = self.checked.wires
         members = [replace(g, members=tuple(m for m in g.members if m != name))
@@ -297,13 +420,13 @@ class System(Structure):
             inner += [f"{element.name}.{n}" for n in nested.notes] if nested else []
             if nested and nested.loops not in ("iterate", self.loops):
                 inner.append(
-                    f"{element.name}: its loop policy {nested.loops!r} is not used, that of the "
-                    f"outer system, {self.loops!r}, is"
+                    f"{element.name}: its loop policy {nested.loops!r} is ignored; that of "
+                    f"the outer system, {self.loops!r}, applies"
                 )
         return (*self.remarks, *self.checked.notes, *inner)
 
     def describe(self, path: str) -> Description:
-        """Describe the component at a path."""
+        """Describe the component at a `path`: its variables with units, start values and limits."""
         inner = self._inside(path)
         if inner is not None:
             return self.nested(inner[0]).describe(inner[1])
@@ -311,19 +434,18 @@ class System(Structure):
         return self.checked.descriptions[path]
 
     def nested(self, name: str) -> System:
-        """Return the nested system at a name."""
+        """Return the nested system at a `name`; raises SystemInvalid if there is none."""
         found = self.nested_or_none(name)
         if found is None:
             raise SystemInvalid([Problem(name, "not a nested system", "a nested system")])
         return found
 
     def nested_or_none(self, name: str) -> System | None:
-        """Return the nested system at a name; None if it is a component, or nothing."""
-        element = self.components.get(name)
-        return None if element is None else self._nested(element)
+        """Return the nested system at a `name`; None if it is a component, or nothing."""
+        return self._nested(self._element(name)) if name in self.checked.descriptions else None
 
     def slot(self, path: str) -> Slot:
-        """Return the connectors that a replacement of a component must have."""
+        """Return the connectors that a replacement of the component at `path` must have."""
         description = self.describe(path)
         inner = self._inside(path)
         if inner is not None:
@@ -336,7 +458,7 @@ class System(Structure):
         variables: dict[str, Variable] = {}
         for item in self.exposed:
             point = resolve_endpoint(item.path, descriptions)
-            start = self.components[point.element].start.get(point.variable.name)
+            start = self._element(point.element).start.get(point.variable.name)
             v = replace(point.variable, name=item.name, dependencies=None)
             v = replace(v, start=start) if start is not None else v
             if not point.whole:
@@ -358,16 +480,31 @@ class System(Structure):
     def _split(self, path: str) -> tuple[str, str]:
         """Split ``component.rest``; raises SystemInvalid if there is no such component."""
         try:
-            return find_element(path, self.components)
+            return find_element(path, self.checked.descriptions)
         except Misfit as misfit:
             raise SystemInvalid([misfit.at(path.removesuffix("."))]) from None
 
     def _inside(self, path: str) -> tuple[str, str] | None:
         """Split a path that leads into a nested system."""
-        for element in self.elements:
-            if path.startswith(f"{element.name}.") and self._nested(element) is not None:
-                return element.name, path[len(element.name) + 1 :]
+        parts = path.split(".")
+        names = [".".join(parts[:n]) for n in range(1, len(parts))]
+        found = [n for n in names if n in self.checked.descriptions]
+        for name in sorted(found, key=self.checked.descriptions.index):
+            if self._nested(self._element(name)) is not None:
+                return name, path[len(name) + 1 :]
         return None
+
+    def _known(self, checked: Checked, connections: tuple[Connection, ...] | None = None) -> System:
+        """Return the system with parts that are checked already."""
+        result = object.__new__(System)
+        result.__dict__.update(
+            {**self.__dict__, "checked": checked, "elements": checked.elements},
+            connections=self.connections if connections is None else connections,
+        )
+        return result
+
+    def _element(self, name: str) -> Element:
+        return self.elements[self.checked.descriptions.index(name)]
 
     def _nested(self, element: Element) -> System | None:
         return self._as_nested(element.source)
@@ -400,7 +537,7 @@ class System(Structure):
         return f"{owner}.{name}", self._edited(owner, nested.expose(name, inner))
 
     def _edited(self, name: str, nested: System) -> System:
-        return self._with(replace(self.components[name], source=nested))
+        return self._with(replace(self._element(name), source=nested))
 
     def _with(self, element: Element) -> System:
         elements = tuple(element if e.name == element.name else e for e in self.elements)

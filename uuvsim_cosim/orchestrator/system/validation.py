@@ -6,7 +6,7 @@ element, and elements that together are a whole connector are written as that co
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from pathlib import Path
@@ -17,14 +17,17 @@ from uuvsim_cosim.fmus.description import Description, Variable
 from uuvsim_cosim.models.declaration.near_names import expected_names
 from uuvsim_cosim.orchestrator.system.elements import (
     Algorithm,
+    Connection,
     Element,
     Exposed,
     Loops,
+    Mismatches,
     Solver,
     Structure,
     step_text,
 )
 from uuvsim_cosim.orchestrator.system.resolve import described_by
+from uuvsim_cosim.orchestrator.system.versions import Versions
 from uuvsim_cosim.orchestrator.system.wiring import Wire, joined, single_source, wire
 from uuvsim_cosim.orchestrator.values.endpoints import (
     Endpoint,
@@ -33,7 +36,16 @@ from uuvsim_cosim.orchestrator.values.endpoints import (
 )
 from uuvsim_cosim.orchestrator.values.values import Misfit, fit, flat
 
-__all__ = ["Checked", "as_step", "check", "describe_element", "problem_of"]
+__all__ = [
+    "Checked",
+    "as_step",
+    "check",
+    "describe_element",
+    "problem_of",
+    "with_connection",
+    "with_element",
+    "with_start",
+]
 
 _FORBIDDEN = set("[]/\\")
 
@@ -45,7 +57,10 @@ class Checked:
     elements: tuple[Element, ...]
     wires: tuple[Wire, ...]
     exposed: tuple[Exposed, ...]
-    descriptions: Mapping[str, Description]
+    descriptions: Versions[str, Description]  # in the order of the elements
+    fed: Versions[
+        tuple[str, str, int], None
+    ]  # inputs with a source: element, variable, its element
     problems: tuple[Problem, ...]
     notes: tuple[str, ...]
 
@@ -100,7 +115,7 @@ def check(system: Structure) -> Checked:
         if name in seen:
             problems.append(Problem(name, "two components of this name", "one"))
         seen.add(name)
-        if not name or _FORBIDDEN & set(name) or not name.isprintable():
+        if not _is_name(name):
             problems.append(Problem(repr(name), "not a name", "a name without [ ] / \\"))
         try:
             descriptions[name] = describe_element(element, system.base)
@@ -118,17 +133,94 @@ def check(system: Structure) -> Checked:
         else:
             wires.extend(found)
     exposed = _exposed(system.exposed, descriptions, unknown, problems)
-    problems.extend(single_source(wires, [(e.name, p) for e, p in exposed if p]))
+    ends = [(e.name, p) for e, p in exposed if p]
+    problems.extend(single_source(wires, ends))
+    inputs = [p for _, p in ends if p.variable.causality == "input"]
+    fed = _fed([*(w.target for w in wires), *inputs])
     _check_groups(system, names, problems)
     for element in elements:
         if element.units:
             shown = {n: ", ".join(dict.fromkeys(u.split())) for n, u in element.units.items()}
             listed = "; ".join(f"{n} in {u}" for n, u in shown.items())
-            notes.append(f"{element.name}: no unit given, taken as the slot's: {listed}")
+            notes.append(f"{element.name}: no unit given; those of the slot are used: {listed}")
     return Checked(
-        elements, joined(wires), _joined_exposed(exposed), descriptions,
+        elements, joined(wires), _joined_exposed(exposed), Versions(descriptions), Versions(fed),
         tuple(problems), tuple(dict.fromkeys(notes)),
     )  # fmt: skip
+
+
+def with_element(system: Structure, checked: Checked, element: Element) -> Checked | None:
+    """Return what `check` returns for a valid system with one more element.
+
+    Only the element is checked. None if that is not enough, or if there is a problem: then `check`
+    finds all of them.
+    """
+    name = element.name
+    # A name with a dot can give the texts of other connections another meaning.
+    if not _is_name(name) or "." in name or name in checked.descriptions or element.units:
+        return None
+    try:
+        described = {name: describe_element(element, system.base)}
+    except UuvsimError:
+        return None
+    problems: list[Problem] = []
+    element = _element(element, system, described, problems)
+    if problems:
+        return None
+    return replace(
+        checked,
+        elements=(*checked.elements, element),
+        descriptions=checked.descriptions.extended(described),
+    )
+
+
+def with_start(
+    system: Structure, checked: Checked, name: str, key: str, value: object
+) -> Checked | None:
+    """Return what `check` returns for a valid system with another start value of one component.
+
+    None if the value is no such thing, or changes more than itself: see `with_element`.
+    """
+    index = checked.descriptions.index(name)
+    old = checked.elements[index]
+    description = checked.descriptions[name]
+    problems: list[Problem] = []
+    element = _element(
+        replace(old, start={**old.start, key: value}), system, {name: description}, problems
+    )
+    structural = any(
+        description.variables[n].causality == "structuralParameter" for n in element.start
+    )
+    if problems or structural or not isinstance(old.source, str):
+        return None
+    return replace(
+        checked, elements=(*checked.elements[:index], element, *checked.elements[index + 1 :])
+    )
+
+
+def with_connection(checked: Checked, connection: Connection) -> Checked | None:
+    """Return what `check` returns with one more connection; see `with_element`."""
+    notes = list(checked.notes)
+    try:
+        new = wire(connection, checked.descriptions, set(), notes)
+    except Misfit:
+        return None
+    fed = _fed(w.target for w in new)
+    if len(fed) != sum(len(w.target.elements) for w in new) or any(f in checked.fed for f in fed):
+        return None
+    if not new[0].target.whole and new[0].source.variable.shape == new[0].target.variable.shape:
+        return None  # elements that may complete a whole connector
+    return replace(
+        checked, wires=(*checked.wires, *new), fed=checked.fed.extended(fed), notes=tuple(notes)
+    )
+
+
+def _is_name(name: str) -> bool:
+    return bool(name) and not _FORBIDDEN & set(name) and name.isprintable()
+
+
+def _fed(points: Iterable[Endpoint]) -> dict[tuple[str, str, int], None]:
+    return {(p.element, p.variable.name, i): None for p in points for i in p.elements}
 
 
 def _element(
@@ -274,6 +366,9 @@ def _check_groups(system: Structure, names: set[str], problems: list[Problem]) -
     if system.loops not in get_args(Loops):
         policies = "iterate, refuse or delay"
         problems.append(Problem(system.name, f"loop policy {system.loops!r}", policies))
+    if system.mismatches not in get_args(Mismatches):
+        read = f"policy for mismatches {system.mismatches!r}"
+        problems.append(Problem(system.name, read, "refuse or warn"))
     for group in system.groups:
         place = f"group of {', '.join(group.members)}"
         for what, read, known in (

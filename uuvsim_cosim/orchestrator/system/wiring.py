@@ -42,9 +42,12 @@ def wire(
 
     A connection of an `unknown` component has no wires. Raises Misfit.
     """
-    names = {**descriptions, **dict.fromkeys(unknown, None)}
-    if any(find_element(e, names)[0] in unknown for e in (connection.source, connection.target)):
-        return []
+    if unknown:
+        names = {**descriptions, **dict.fromkeys(unknown, None)}
+        if any(
+            find_element(e, names)[0] in unknown for e in (connection.source, connection.target)
+        ):
+            return []
     source = resolve_endpoint(connection.source, descriptions)
     target = resolve_endpoint(connection.target, descriptions)
     _check_ends(source, target)
@@ -179,8 +182,8 @@ def _conversions(
                 bare, other = (source, target) if a is None else (target, source)
                 unit = other.variable.unit_text if len(other.elements) > 1 else a or b
                 note = (
-                    f"{bare.element}.{bare.variable.name}: no unit given, taken as "
-                    f"{unit} from {other.element}.{other.variable.name}"
+                    f"{bare.element}.{bare.variable.name}: no unit given; "
+                    f"{unit} is used, that of {other.element}.{other.variable.name}"
                 )
                 if note not in notes:
                     notes.append(note)

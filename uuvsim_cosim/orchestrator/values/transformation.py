@@ -205,12 +205,12 @@ def chained(
         last = dict(second.table)
         both = tuple((a, last[b]) for a, b in first.table if b in last)
         if not both:
-            raise Misfit("two tables on one way, of which the second has no entry for any value of "
-                         "the first", "entries that fit")  # fmt: skip
+            raise Misfit("two tables on one connection; the second has no entry for any value of "
+            "the first", "entries that fit")  # fmt: skip
         return Transformation(table=both)
     if first.table or second.table:
         if first.scales or second.scales:
-            raise Misfit("a table, and a factor or offset, on one way", "one of the two")
+            raise Misfit("a table, and a factor or offset, on one connection", "one of the two")
         return first if first.table else second
     start, middle, end = units
     if middle is None:  # the value between has the unit that it came with

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import math
 import re
+import sys
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from fractions import Fraction
@@ -119,7 +119,7 @@ def fit(
     try:
         shape = () if isinstance(given, bytes) else np.asarray(given).shape
     except ValueError:
-        raise Misfit("a list of uneven lists", _type_text(variable)) from None
+        raise Misfit("lists of different lengths", _type_text(variable)) from None
     if shape != variable.shape and not (len(variable.shape) > 1 and shape == (variable.size,)):
         read = "a scalar" if shape == () else f"{len(elements)} values"
         if len(shape) > 1:
@@ -192,7 +192,7 @@ def _parsed(variable: Variable, text: str) -> tuple[object, str | None]:
         try:
             elements, shape = split_array(matrix)
         except ValueError:
-            raise Misfit(f"{matrix!r}, whose brackets make no even rows", expected) from None
+            raise Misfit(f"{matrix!r}, whose rows differ in length", expected) from None
         if shape != variable.shape:
             raise Misfit(f"values of shape {' x '.join(map(str, shape or ()))}", expected)
         text = f"[{', '.join(elements)}] {unit}"
@@ -259,7 +259,8 @@ def _element(variable: Variable, value: object) -> float | str | bytes:
     elif isinstance(value, bool):
         pass  # a Boolean is an int for Python, but not for a numeric variable
     elif is_float(variable):
-        if isinstance(value, int | float) and math.isfinite(value):
+        # An integer can be above the largest Float64.
+        if isinstance(value, int | float) and abs(value) <= sys.float_info.max:
             return float(value)
     elif isinstance(value, int) or (isinstance(value, float) and value.is_integer()):
         low, high = _RANGES.get(type_, (-(2**63), 2**63 - 1))

@@ -118,7 +118,7 @@ def chart_files(file: Path) -> ChartFiles:
             kept = [f"{file.stem}.{m:03d}" for m in sorted(found) if m >= n]
             notes.append(
                 f"{', '.join(gone)} {'is' if len(gone) == 1 else 'are'} missing from the sequence "
-                f"of updates: {', '.join(kept)} cannot be applied; the chart stands at update "
+                f"of updates: {', '.join(kept)} cannot be applied; the chart remains at update "
                 f"{number}"
             )
             break
@@ -126,7 +126,7 @@ def chart_files(file: Path) -> ChartFiles:
             update = identification(found[n])
             check_records(found[n])
         except InputInvalid as reason:
-            notes.append(f"{reason}: not applied; the chart stands at update {number}")
+            notes.append(f"{reason}: not applied; the chart remains at update {number}")
             break
         if update.edition == "0":  # edition 0 withdraws a cell (S-57 appendix B.1, 5.7)
             notes.append(f"{found[n].name} withdraws this chart: it is no longer in force")
@@ -134,13 +134,13 @@ def chart_files(file: Path) -> ChartFiles:
         if update.edition != cell.edition:
             notes.append(
                 f"{found[n].name} belongs to edition {update.edition}, the base cell is edition "
-                f"{cell.edition}: not applied; the chart stands at update {number}"
+                f"{cell.edition}: not applied; the chart remains at update {number}"
             )
             break
         if not update.is_update or update.update != n:
             notes.append(
-                f"{found[n].name} says that it is update {update.update}: not applied; the chart "
-                f"stands at update {number}"
+                f"{found[n].name} states that it is update {update.update}: not applied; the chart "
+                f"remains at update {number}"
             )
             break
         applied.append(found[n])

@@ -216,7 +216,7 @@ def _parameters(cell: _Cell, notes: list[str]) -> tuple[float, str, int]:
         raise InputInvalid(cell.name, f"depths in fathoms (DUNI {duni})", "metres (1) or feet (3)")
     unit, metre = UNITS.get(duni, ("m", 1.0))
     if duni == 0:
-        notes.append("the cell does not say its unit of depth: taken as metres")
+        notes.append("the cell does not state its unit of depth: metres are assumed")
     elif unit != "m":
         notes.append(f"depths are charted in {unit}: converted to metres")
     if huni not in (0, 1, *UNITS):
@@ -228,7 +228,7 @@ def _parameters(cell: _Cell, notes: list[str]) -> tuple[float, str, int]:
         )
     datum = VERTICAL_DATUMS.get(sdat, "")
     if not datum:
-        notes.append("the cell does not say the datum of its soundings")
+        notes.append("the cell does not state the datum of its soundings")
     areas, values = cell.read("M_SDAT", ("VERDAT",))
     others = {int(v) for v in _number(values["VERDAT"]) if np.isfinite(v)} - {sdat}
     if len(areas) and others:
@@ -249,9 +249,13 @@ def _areas(cell: _Cell, metre: float, notes: list[str]) -> Areas:
     joined = Areas(*(np.concatenate(part) for part in (shapes, low, high)))
     turned = joined.low > joined.high
     if turned.any():
-        notes.append(f"{turned.sum()} depth areas have DRVAL1 below DRVAL2: taken the other way")
+        notes.append(
+            f"{turned.sum()} depth areas have DRVAL1 below DRVAL2: the two values are exchanged"
+        )
     if not len(joined.shapes):
-        raise InputInvalid(f"{cell.name}: no depth area (DEPARE, DRGARE); where is water?")
+        raise InputInvalid(
+            f"{cell.name}: no depth area (DEPARE, DRGARE), so the extent of the water is unknown"
+        )
     return Areas(
         joined.shapes, np.minimum(joined.low, joined.high), np.maximum(joined.low, joined.high)
     )

@@ -219,10 +219,10 @@ def map_seabed(
     if n_points == 0:
         ranges = ", ".join(f"{s.name} {s.near:g} to {s.far:g} m" for s in sensors)
         raise InputInvalid(
-            f"nothing of the seabed was seen ({ranges})",
+            f"no part of the seabed was seen ({ranges})",
             f"a track above the terrain{f' of scene {scene}' if scene else ''}, within reach",
         )
-    # The truth is what a plumb line meets in each cell's middle: the seabed or what stands on it.
+    # The truth is the first surface below each cell's centre: the seabed or an obstacle on it.
     north, east = (c.ravel() for c in np.meshgrid(*window.centres, indexing="ij"))
     at = 1e-3  # m, just below the surface
     from_surface = np.column_stack([north, east, np.full(len(north), at)])
@@ -327,7 +327,22 @@ def write_map(made: SeabedMap, folder: Path) -> Path:
 
 
 def read_map(folder: Path) -> SeabedMap | None:
-    """Read the map of a run, None if it has none; raises InputInvalid for any other file."""
+    """Read the map of the seabed in the `folder` of a run, None if it has none.
+
+    The depth by pose and the truth are (rows, columns) [m], NaN where nothing was seen. Raises
+    InputInvalid for any other file.
+
+    Example: `uuvsim run` makes the map of a system with a survey, `uuvsim map` that of others.
+
+    >>> import subprocess, sys
+    >>> from pathlib import Path
+    >>> from uuvsim_cosim.scene import read_map
+    >>> run = "-m uuvsim_cosim run seabed_mapping --until 2 --no-report --quiet --out survey"
+    >>> done = subprocess.run([sys.executable, *run.split()], check=True)
+    >>> seabed = read_map(Path("survey"))
+    >>> seabed.depth["true"].shape == seabed.truth.shape, seabed.window.cell  # [m]
+    (True, 0.1)
+    """
     file = folder / FILE
     if not file.is_file():
         return None

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import shutil
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 from uuvsim_cosim.content import content
 from uuvsim_cosim.errors import InputInvalid, UuvsimError
+from uuvsim_cosim.models.declaration.modeline import headed, keep_schemas
 from uuvsim_cosim.models.declaration.parameter_files import read_yaml
 from uuvsim_cosim.models.worlds.ground import scene_named
 from uuvsim_cosim.scene.mapping.map_files import check_target, write_geotiff, write_las, write_ply
@@ -93,14 +93,16 @@ def settings_of_system(system: str) -> Path | None:
 def keep_settings(file: Path, run: Path) -> None:
     """Copy settings into the folder of a run, so that its map can be made again."""
     try:
-        shutil.copyfile(file, run / FILE)
+        text = headed("mapping", file.read_text(encoding="utf-8"))
+        (run / FILE).write_text(text, encoding="utf-8")
+        keep_schemas(run / FILE)
     except OSError as error:
         raise InputInvalid(f"{run / FILE}: cannot be written ({error.strerror})") from None
 
 
 @dataclass(frozen=True, eq=False)
 class Survey:
-    """A track above a scene, and what it is mapped with."""
+    """A track above a scene, with the sensors and settings of its map."""
 
     track: Track
     caster: Caster

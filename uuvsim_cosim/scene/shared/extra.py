@@ -21,5 +21,5 @@ def import_extra(library: str, what: str) -> ModuleType:
         top = library.partition(".")[0]
         why = "is not installed" if getattr(reason, "name", "") == top else f"fails: {reason}"
         raise InputInvalid(
-            f"{what} needs {top}, which {why}; `pip install 'uuvsim-cosim[scene]'` brings it"
+            f"{what} needs {top}, which {why}; `pip install 'uuvsim-cosim[scene]'` installs it"
         ) from None

@@ -30,6 +30,19 @@ class Caster:
 
     `scene` is a scene, a terrain alone, or the value of the option `scene` of a component.
     Frame `n` (N, E, D), metres. Arrays are read and written in place, with the GIL released.
+
+    Example: a flat bottom at 20 m, from a depth of 5 m.
+
+    >>> import numpy as np
+    >>> from uuvsim_cosim.models import Terrain
+    >>> from uuvsim_cosim.scene import SEABED, Caster
+    >>> flat = np.full((4, 4), 20.0, np.float32)
+    >>> caster = Caster(Terrain(flat, spacing=10.0, origin=(0.0, 0.0)))
+    >>> distance, kind = caster.cast([10.0, 10.0, 5.0], [[0, 0, 1], [0, 0.6, 0.8]])
+    >>> distance, kind == SEABED
+    (array([15.  , 18.75]), array([ True,  True]))
+    >>> caster.height([5.0, 100.0], [5.0, 5.0])
+    array([20., nan])
     """
 
     def __init__(self, scene: Scene | Terrain | str) -> None:
@@ -67,7 +80,8 @@ class Caster:
         `origins` is (n, 3), or (3,) for all; `directions` (n, 3), of any length: the range (n,) is
         in their lengths, at most `far`, and inf where nothing is met. The kind (n,) is NOTHING,
         SEABED, BELOW (the seabed from below), SURFACE or SOLID + number of the obstacle; meshes
-        are counted after the obstacles.
+        are counted after the obstacles. `out` are arrays for both, float64 and int32. Raises
+        InputInvalid for shapes that do not fit.
         """
         o, d = _vectors(origins, "origins"), _vectors(directions, "directions")
         n = len(d)
@@ -85,7 +99,10 @@ class Caster:
         return t, kind
 
     def height(self, north: ArrayLike, east: ArrayLike) -> Array:
-        """Return the seabed's depth [m] at places; NaN outside of the terrain and in its holes."""
+        """Return the seabed's depth [m] at `north` and `east` [m], which have one shape.
+
+        It is NaN outside of the terrain and in its holes.
+        """
         at_n, at_e = np.broadcast_arrays(np.asarray(north, float), np.asarray(east, float))
         z = np.empty(at_n.shape)
         at_n, at_e = np.ascontiguousarray(at_n), np.ascontiguousarray(at_e)

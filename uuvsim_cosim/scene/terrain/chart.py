@@ -75,7 +75,7 @@ def chart_terrain(
     held_out = of.hold_out
     facts = {
         "chart": _edition(chart),
-        "updates": f"{updates}; stands at update {chart.files.last_update}",
+        "updates": f"{updates}; the chart is at update {chart.files.last_update}",
         "known": f"{len(chart.soundings):,} soundings, {len(chart.contours):,} contours",
         "datum": chart.vertical_datum or "not stated",
         "grid": f"{terrain.z.shape[0]} x {terrain.z.shape[1]} nodes at {terrain.spacing:g} m, "
@@ -176,7 +176,7 @@ def write_large(
             raise InputInvalid(f"{file}: no water within this piece of the chart")
     facts = {
         "chart": _edition(chart),
-        "updates": f"stands at update {chart.files.last_update}",
+        "updates": f"the chart is at update {chart.files.last_update}",
         "grid": f"{grid.rows:,} x {grid.columns:,} nodes at {resolution:g} m, "
         f"{chart.projection.code}, in tiles of {tile:,}",
         "datum": chart.vertical_datum or "not stated",

@@ -1,4 +1,4 @@
-"""Where a terrain's nodes stand in a projection, and polygons rasterised onto them."""
+"""Positions of a terrain's nodes in a projection, and polygons rasterised onto them."""
 
 from __future__ import annotations
 

@@ -144,7 +144,7 @@ def _checked(made: DescribedTerrain, options: TerrainOptions) -> DescribedTerrai
         return replace(
             made,
             terrain=replace(made.terrain, vertical_datum=expected),
-            facts={**made.facts, "datum": f"{expected}, as --datum says"},
+            facts={**made.facts, "datum": f"{expected}, as set by --datum"},
         )
     raise InputInvalid(
         f"depths are from {found}, not from {expected}; the height between the two differs from "
@@ -157,7 +157,7 @@ def _terrain_facts(terrain: Terrain) -> dict[str, str]:
     z = terrain.z[known]
     facts = {
         "grid": f"{terrain.z.shape[0]} x {terrain.z.shape[1]} nodes at {terrain.spacing:g} m, "
-        f"{terrain.crs or 'nowhere on Earth'}, origin N {terrain.northing:.9g} "
+        f"{terrain.crs or 'no position on Earth'}, origin N {terrain.northing:.9g} "
         f"E {terrain.easting:.9g}",
         "datum": terrain.vertical_datum or "not stated",
         "depth": f"{z.min():.2f} to {z.max():.2f} m" if len(z) else "all unknown",

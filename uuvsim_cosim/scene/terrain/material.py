@@ -19,7 +19,7 @@ def materials_of(
 ) -> tuple[NDArray[np.uint8] | None, tuple[str, ...]]:
     """Return each node's index into the names, and the names; (None, ()) if nothing is charted.
 
-    Of several natures the chart names the most important first: that one counts.
+    If the chart lists several natures, the first is used: it is the most important one.
     """
     codes = [next((c for c in named if c in NATURES), 0) for named in chart.natures]
     stated = [(s, c) for s, c in zip(chart.nature, codes, strict=True) if c]

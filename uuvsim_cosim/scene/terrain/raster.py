@@ -222,7 +222,8 @@ def _reference(
         raise InputInvalid(f"{option}: the file states {source.crs.to_string()}")
     if source.transform.is_identity:
         notes.append(
-            "the file has no positions: its cells are taken as 1 unit, columns to the east and "
+            "the file has no positions: its cells are assumed to be 1 unit wide, columns to the "
+            "east and "
             "rows to the north"
         )
     return chosen
@@ -296,7 +297,7 @@ def _convention(
     if metre != 1.0:
         notes.append(f"values are in {chosen}: converted to metres")
     elif not stated and unit is None and source.driver == "GTiff":
-        notes.append("the grid does not say its unit: taken as metres (else --unit ft)")
+        notes.append("the grid does not state its unit: metres are assumed (else --unit ft)")
     name = (source.descriptions[0] or "").lower()
     downward = (  # a BAG holds elevations, whatever its axis
         source.driver == "GTiff"
@@ -305,7 +306,7 @@ def _convention(
     )
     down = source.driver == "S102" or "depth" in name or tags.get("positive") == "down" or downward
     if downward and positive is None:
-        notes.append("the vertical axis of the file points down: its values are taken as depths")
+        notes.append("the vertical axis of the file points down: its values are read as depths")
     if positive is not None:
         if positive not in ("up", "down"):
             raise InputInvalid(f"--positive {positive}", "up or down")
@@ -317,7 +318,7 @@ def _convention(
         named = re.search(r'VERT_CS\["([^"]+)"', wkt)
         datum = named.group(1) if named else _bag_datum(source)
     if not datum:
-        notes.append("the grid does not say its vertical datum")
+        notes.append("the grid does not state its vertical datum")
     second = (source.descriptions[1] or "").lower() if source.count > 1 else ""
     has_sigma = source.count > 1 and (
         source.driver in ("BAG", "S102") or re.search("uncert|sigma|std|deviation", second)

@@ -152,7 +152,7 @@ def _with_relief(
     rms = float(np.sqrt(np.nanmean((added - z) ** 2)))
     return added, (
         f"relief shorter than {longest:.0f} m is invented (seed {seed}, {rms:.2f} m root mean "
-        "square): no sounding saw it"
+        "square): no sounding measured it"
     )
 
 

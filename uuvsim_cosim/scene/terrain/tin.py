@@ -44,7 +44,7 @@ def scan(
     slope_x = (zb * cy[kept] - zc * by[kept]) / twice[kept]
     slope_y = (zc * bx[kept] - zb * cx[kept]) / twice[kept]
     of, row = _expanded(first, last)
-    # Where a row enters and leaves its triangle.
+    # Positions at which a row enters and leaves its triangle.
     left, right = np.full(len(of), np.inf), np.full(len(of), -np.inf)
     for one, other in ((0, 1), (0, 2), (1, 2)):
         a, b = t[of, one], t[of, other]

@@ -49,7 +49,7 @@ def surface(terrain: Terrain) -> tuple[NDArray[np.float32], NDArray[np.int64]]:
         raise InputInvalid("no cell of the terrain has a depth at all its corners")
     if len(triangles) > _MOST_TRIANGLES:
         raise InputInvalid(
-            f"{len(triangles):,} triangles are more than a mesh file can do with "
+            f"{len(triangles):,} triangles are too many for a mesh file "
             f"({_MOST_TRIANGLES:,}); take a coarser --resolution or a piece"
         )
     north = terrain.origin[0] + terrain.spacing * np.arange(rows, dtype=np.float32)
@@ -251,7 +251,7 @@ def check_whole(file: Path) -> None:
                 for _, window in written.block_windows(band):
                     written.read(band, window=window)
     except rasterio.errors.RasterioError:
-        raise OSError("it did not arrive whole; is the disk full?") from None
+        raise OSError("the file is incomplete; is the disk full?") from None
 
 
 def write_tif(scene: Scene, terrain: Terrain, target: Path) -> None:

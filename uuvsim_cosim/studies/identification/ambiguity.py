@@ -38,16 +38,15 @@ def ambiguities(names: Sequence[str], scaled: Array) -> list[str]:
         size = np.abs(direction) / np.abs(direction).max()
         group = [n for n, s in zip(names, size, strict=True) if s > _SHARE]
         named.add(frozenset(group))
-        far = "nothing" if error > 10.0 else f"only ± {196 * error:.0f} % of it (95 %)"
+        bound = "" if error > 10.0 else f" better than ± {196 * error:.0f} % (95 %)"
         if len(group) == 1:
-            found.append(f"of {group[0]} the data say {far}")
+            found.append(f"the data do not determine {group[0]}{bound}")
         else:
             signs = np.sign(direction[[names.index(n) for n in group]])
             how = "together" if np.all(signs == signs[0]) else "against each other"
             found.append(
-                f"the data cannot tell {', '.join(group[:-1])} and {group[-1]} apart: "
-                "they can change "
-                f"{how}, and of that the data say {far}"
+                f"the data cannot separate {', '.join(group[:-1])} and {group[-1]}: they can "
+                f"change {how}, which the data do not determine{bound}"
             )
     try:
         covariance = np.linalg.inv(scaled + 1e-9 * np.eye(len(names)))

@@ -1,12 +1,13 @@
-"""The fit: direct multiple shooting, solved by ipopt with the Gauss-Newton matrix as Hessian.
+"""Fit by direct multiple shooting, solved by ipopt with the Gauss-Newton matrix as Hessian.
 
     min over theta, x_0 … x_S   sum of (y_k - h(x_k, w_k, theta))² / sigma²
-    such that each segment of the recording, begun at x_i, ends at x_(i + 1)
+    such that each segment of the recording, started at x_i, ends at x_(i + 1)
 
-(Bock 1983; Schloeder and Bock's recipe for parameters of differential equations). Segments keep a
-long recording from running away at wrong parameters. sigma is what each signal's residuals say,
-in a second and third pass. The covariance is that of the last Gauss-Newton matrix with the states
-eliminated, widened by what residuals have in common with the ones before them.
+(Bock 1983; Schloeder and Bock's method for parameters of differential equations). With segments, a
+simulation at wrong parameters does not diverge over a long recording. sigma is estimated from the
+residuals of each signal, in a second and a third pass. The covariance is that of the last
+Gauss-Newton matrix with the states eliminated, increased by the correlation of each residual with
+the one before it.
 """
 
 from __future__ import annotations
@@ -49,7 +50,7 @@ class Fit:
 
 
 _AWAY = (
-    "the fit ran away: no finite trajectory of the model follows the recording; expected a start "
+    "the fit diverged: no finite trajectory of the model follows the recording; expected a start "
     "nearer to the vehicle (another set), fewer --parameters, or a smaller --step"
 )
 
@@ -127,7 +128,7 @@ class _Problem:
 
 
 def fit(box: GreyBox, grid: Grid) -> Fit:
-    """Fit the parameters of `box` to what was measured; InputInvalid if nothing converges."""
+    """Fit the parameters of `box` to the measurements; raises InputInvalid if nothing converges."""
     p = _Problem(box, grid)
     seen = np.isfinite(p.y)
     z = np.concatenate([np.zeros(p.n_p), (p.guess / p.x_scale[:, None]).T.ravel()])
@@ -196,7 +197,7 @@ def _information(p: _Problem, z: Array, weights: Array) -> Array:
 
 
 def _lag(values: Array) -> float:
-    """Return the correlation of residuals with those one step before, limited to 0 … 0.98."""
+    """Return the correlation of residuals with those of the step before, limited to 0 … 0.98."""
     a, b = values[:-1], values[1:]
     both = np.isfinite(a) & np.isfinite(b)
     if both.sum() < 8:
@@ -206,7 +207,7 @@ def _lag(values: Array) -> float:
 
 
 def _guess(box: GreyBox, grid: Grid, S: int, M: int) -> Array:
-    """Return initial states (n_x, S) of the segments: measured of the hull, others simulated."""
+    """Return initial states (n_x, S) of the segments: the hull's measured, the others simulated."""
     from uuvsim_cosim.models.declaration.kinematics import q_of_euler
 
     n_x = box.x.numel()

@@ -99,7 +99,7 @@ class GreyBox:
     # ---- which components ---------------------------------------------------------------------
 
     def _inside(self, wanted: set[int]) -> list[int]:
-        """Return the wanted components and those on a shortest way from each to the hull."""
+        """Return the wanted components and those on a shortest path from each to the hull."""
         after: dict[int, set[int]] = {}
         for t in self.plan.transfers:
             after.setdefault(t.source, set()).add(t.target)
@@ -115,7 +115,7 @@ class GreyBox:
                 raise InputInvalid(
                     f"{self.plan.components[i].path} does not act on "
                     f"{self.plan.components[self.hull].path}",
-                    "parameters of what does",
+                    "parameters of a component that does",
                 )
             here: int | None = i
             while here is not None:
@@ -161,7 +161,7 @@ class GreyBox:
             if label in self._open:
                 raise InputInvalid(
                     f"{' -> '.join([*self._open, label])} is an algebraic loop",
-                    "parameters of components that do not read each other at once",
+                    "parameters of components that are not in an algebraic loop",
                 )
             self._open.append(label)
             self._outputs[key] = self._closed(i, self.parts[i].model.variables[name].symbol)

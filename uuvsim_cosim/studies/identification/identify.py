@@ -62,7 +62,25 @@ class Actuator:
 
 @dataclass(frozen=True)
 class Identified:
-    """Result of a fit: parameters, residuals, and what the data do not determine."""
+    """Result of a fit: parameters, residuals, and what the data do not determine.
+
+    `numbers` are the fitted parameters, each with its 95 % interval, and `correlation` is that of
+    their errors. `residuals` are the root mean squares of the measured signals, `open` are messages
+    on what the data do not determine, and `proposals` are manoeuvres that would determine it.
+    `hull`, `source`, `held` and `actuators` are the fitted components with their other parameters.
+    `recording`, `samples`, `seconds` and `step` describe the data, and `iterations`, `converged`,
+    `status` and `notes` the solution.
+
+    Example: a vehicle that does not turn tells nothing about the damping of a turn.
+
+    >>> import uuvsim_cosim as uuv
+    >>> from uuvsim_cosim.studies import identify
+    >>> system = uuv.load("bluerov2_hold").set("hull.eta_0", [0, 0, 5, 0, 0, 0])
+    >>> dive = uuv.run(system, until=3, out="dive", backend="native")
+    >>> found = identify(dive.folder, system, ["D_q_66"], step=0.05, proposals=False)
+    >>> found.open, found["D_q_66"].is_known
+    (('the data do not determine hull.D_q_66',), False)
+    """
 
     numbers: tuple[Number, ...]
     correlation: Array  # of the numbers' errors (n, n)
@@ -105,11 +123,24 @@ def identify(
     """Fit parameters of a system to a recording, by multiple shooting on its own equations.
 
     `recording` is a folder, .parquet, .mcap, .csv, ArduSub's .BIN or .tlog, or `Signals`; `system`
-    a name, a file, a `System`, or a hull alone (``model:bluerov2``). `parameters` are names such as
-    ``D_q_11`` (of the hull), ``hull.m``, ``thruster_*.K_n`` (one number for all). `mapped` says
-    which signal of the recording stands for which of the system. `step` [s] is that of the grid.
+    is a name, a file, a `System`, or a hull alone (``model:bluerov2``). `parameters` are names such
+    as ``D_q_11`` (of the hull), ``hull.m``, ``thruster_*.K_n`` (one number for all). `mapped` maps
+    a signal of the system to that of the recording that stands for it. `hull` is the path of the
+    hull, if the system has several. `step` [s] is that of the grid, and only the time from `first`
+    to `last` [s] is used. With `proposals`, manoeuvres that would tell more are computed as well.
 
-    Raises InputInvalid that names the signals that lack, or the parameters that are not there.
+    Raises InputInvalid that names the missing signals, or the parameters that do not exist.
+
+    Example:
+
+    >>> import uuvsim_cosim as uuv
+    >>> from uuvsim_cosim.studies import identify
+    >>> filed = uuv.load("bluerov2_hold").set("hull.eta_0", [0, 0, 5, 0, 0, 0])
+    >>> dive = uuv.run(filed.set("hull.D_q_11", 200), until=5, out="dive", backend="native")
+    >>> found = identify(dive.folder, filed, ["D_q_11"], first=1, step=0.05, proposals=False)
+    >>> number = found["D_q_11"]
+    >>> number.start, round(number.value)
+    (141.0, 200)
     """
     from uuvsim_cosim.studies.identification.experiment import propose
     from uuvsim_cosim.studies.identification.fit import fit
@@ -135,7 +166,9 @@ def identify(
         )
         for f, v, s in zip(fitted, found.theta, error, strict=True)
     )  # fmt: skip
-    notes = [f"{n.name} is at its bound: its interval says little" for n in numbers if n.at_bound]
+    notes = [
+        f"{n.name} is at its bound: its interval is not reliable" for n in numbers if n.at_bound
+    ]
     if grid.computed:
         notes.append(f"computed from recorded signals: {', '.join(grid.computed)}")
     measured = {n: bool(np.isfinite(y).any()) for n, y in zip(MEASURED, grid.y, strict=True)}
@@ -192,8 +225,8 @@ def unanswered(numbers: Sequence[Number], flown: Sequence[Proposal]) -> list[str
     if not undetermined or not flown:
         return []
     return [
-        f"none of the {len(flown)} manoeuvres tells {', '.join(undetermined)}: take some of them "
-        "from elsewhere (--set), and fit the others"
+        f"none of the {len(flown)} manoeuvres determines {', '.join(undetermined)}: set some of "
+        "them to known values (--set), and fit the others"
     ]
 
 

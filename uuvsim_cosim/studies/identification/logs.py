@@ -1,8 +1,8 @@
 """Recordings and logs of vehicles as signals: Parquet, MCAP and CSV, ArduSub's .BIN and .tlog.
 
 A log gives `eta`, `nu`, `u` and `voltage`: attitude and rates as logged, position and velocity of
-the estimator (velocity in body axes), u = (pwm - 1500 us) / 400 us. Each message keeps its own
-time. At other times it is NaN, but commands and voltage are held.
+the estimator (velocity in body axes), u = (pwm - 1500 us) / 400 us. Each message has its own time.
+At other times its values are NaN, except commands and voltage, which are held.
 """
 
 from __future__ import annotations

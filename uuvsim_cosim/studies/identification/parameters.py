@@ -46,7 +46,7 @@ class Part:
             raise InputInvalid(
                 f"{planned.path} is {planned.description.kind} ({planned.source}), "
                 "whose equations are not known",
-                "a declaration (model:…) in what is identified",
+                "a declaration (model:…) for each identified component",
             )
         self.index, self.path = index, planned.path
         self.source = source.text
@@ -95,8 +95,8 @@ class Part:
 def wanted_parameters(plan: Plan, hull: int, texts: Sequence[str]) -> list[Fitted]:
     """Find the parameters that texts name: ``D_q_11`` (the hull's), ``hull.m``, ``thruster_*.K_n``.
 
-    A pattern with a * is one number that all of its places share. Raises InputInvalid with all
-    that are unknown, and near names.
+    A pattern with a * is one number that all matching places share. Raises InputInvalid with all
+    unknown names and similar ones.
     """
     names: dict[str, tuple[int, str]] = {}
     parts: dict[int, Part] = {}

@@ -24,6 +24,7 @@ from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.models.actuators.thruster_geometry import OF_VEHICLE, options_of, thrusters_file
 from uuvsim_cosim.models.declaration.hull_parameters import meaning_of
 from uuvsim_cosim.models.declaration.library import declare
+from uuvsim_cosim.models.declaration.modeline import BY_FILE_NAME, headed, keep_schemas
 from uuvsim_cosim.models.declaration.parameter_files import (
     Quantity,
     parameter_set,
@@ -85,7 +86,7 @@ def save_as(found: Identified, name: str) -> list[Saved]:
     thruster_set = _thruster_set(found, set_name, origin, facts)
     if not known and thruster_set is None:
         why = (
-            "the data say too little of each"
+            "the data do not determine any of them well enough"
             if fitted or found.actuators
             else "none of the numbers is the hull's or a thruster's"
         )
@@ -98,7 +99,7 @@ def save_as(found: Identified, name: str) -> list[Saved]:
         if not thrusters_yaml.is_file():
             raise InputInvalid(
                 f"--save-as: {folder} has no thrusters.yaml",
-                "a vehicle with thrusters, as numbers of thrusters were fitted",
+                "a vehicle with thrusters, because parameters of thrusters were fitted",
             )
         thrusters: CommentedMap = thrusters_file(thrusters_yaml)
         count = found.actuators[0].of
@@ -153,7 +154,7 @@ def _copied(id: str, folder: Path) -> Path:
     if not re.fullmatch(r"[a-z][a-z0-9_]*", folder.name):
         raise InputInvalid(f"--save-as: folder {folder.name!r}", "lower case, digits and _")
     if folder.exists():
-        raise InputInvalid(f"{folder} is there, and is no vehicle", "a name that is free")
+        raise InputInvalid(f"{folder} exists and is no vehicle", "an unused name")
     source = vehicle_folder(id)
     try:
         folder.mkdir(parents=True)
@@ -165,7 +166,9 @@ def _copied(id: str, folder: Path) -> Path:
                 text = (folder / name).read_text(encoding="utf-8")
                 own = rf"\1: {folder.name}"
                 text = re.sub(r"^(id|vehicle): .*$", own, text, count=1, flags=re.M)
+                text = headed(BY_FILE_NAME[name], text)
                 (folder / name).write_text(text, encoding="utf-8")
+                keep_schemas(folder / name)
     except OSError as error:
         raise InputInvalid(f"{folder}: cannot be written ({error.strerror})") from None
     return folder
@@ -282,6 +285,7 @@ def _add_published(
     else:
         have = set()
         lines = [
+            headed("published", ""),
             "# Every published value of each number, for `published(...)` in "
             "uuvsim_cosim/envs/randomisation/published.py.\n",
             f"id: {id}\n",
@@ -308,3 +312,4 @@ def _add_published(
     with whole_file(file) as scratch:
         scratch.write_text("".join(lines), encoding="utf-8")
         read_yaml(scratch, "published.schema.json")
+    keep_schemas(file)

@@ -1,8 +1,8 @@
-"""A recording resampled on the time grid of a fit: inputs of each step, and measurements.
+"""Recording, resampled on the time grid of a fit: inputs of each step, and measurements.
 
-An input is held from one sample to the next. On the grid it is a line over each step, so that
-impulse and first moment are kept. A measurement is the mean of the samples within half a step of
-a grid point, and NaN without one. A missing signal is refused by name, with similar names.
+An input is held from one sample to the next. On the grid, it is a straight line over each step with
+the same impulse and first moment. A measurement is the mean of the samples within half a step of a
+grid point, and NaN without a sample. A missing signal is refused by name, with similar names.
 """
 
 from __future__ import annotations
@@ -53,9 +53,9 @@ class Grid:
 
 
 class Lookup:
-    """Signals by the system's names: as mapped, else as they are, else by their last part alone.
+    """Signals by the system's names: as mapped, else by the same name, else by its last part.
 
-    What is mapped may name an element, from 1: ``thruster_3.u=u[3]``.
+    A mapping may name an element, counted from 1: ``thruster_3.u=u[3]``.
     """
 
     def __init__(self, signals: Signals, mapped: Mapping[str, str]) -> None:
@@ -90,7 +90,7 @@ class Lookup:
         return values[:, indices[0] - 1 : indices[0]] if indices else values
 
     def near(self, name: str) -> str:
-        """Return recorded names that are similar; all of them if none is."""
+        """Return recorded names that are similar, or all names if none is similar."""
         every = list(self.signals)
         close = close_names(name, every)
         last = name.rpartition(".")[2]
@@ -145,8 +145,8 @@ def grid_of(
     if wrong:
         raise InputInvalid(
             f"the recording lacks {', '.join(dict.fromkeys(wrong))}",
-            f"what drives {', '.join(p.path for p in box.parts.values())}, and what was measured "
-            f"of {hull} (--map component.variable=signal says what stands for it)",
+            f"the inputs of {', '.join(p.path for p in box.parts.values())}, and a measurement of "
+            f"{hull} (--map component.variable=signal assigns a recorded signal)",
         )
     y = np.full((12, K + 1), np.nan)
     for k, name in ((0, eta), (6, nu)):
@@ -286,7 +286,7 @@ class _Supply:
                     return t.target_elements[0]
         raise InputInvalid(
             f"signal {name} has {width} elements, and {label} has {size}",
-            f"as many, or --map {label}={name}[1] for one of them",
+            f"a signal of size {size}, or --map {label}={name}[1] for one of them",
         )
 
     def _run(self, i: int) -> Mapping[str, Array] | None:

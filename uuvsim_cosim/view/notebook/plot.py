@@ -27,14 +27,23 @@ def plot(
 ) -> Axes | np.ndarray:
     """Plot recorded signals over time; return the matplotlib axes.
 
-    `recording` is a run, its folder or file, or signals. A name is a signal, ``hull.eta``, an
-    element of one, from 1, ``hull.eta[3]``, or several, ``hull.eta[1:3]``, the last included.
+    `recording` is a run, its folder or file, or signals. Each of `names` is a signal, ``hull.eta``,
+    an element of one, from 1, ``hull.eta[3]``, or several, ``hull.eta[1:3]``, the last included.
     Signals with the same unit share one axes, which the unit labels. The result is one Axes, or an
     array of them from top to bottom if there are several units. With `ax`, all is drawn there, and
     all units must be equal. `style` goes to ``Axes.plot``.
 
     Raises InputInvalid for a signal or an element that was not recorded, with similar names, for a
     text, and for different units with `ax`.
+
+    Example:
+
+    >>> import uuvsim_cosim as uuv
+    >>> run = uuv.run("bluerov2_hold", until=2.0)
+    >>> axes = uuv.plot(run, "guidance.eta_d[3]", "hull.eta[3]")
+    >>> axes.get_ylabel(), len(axes.lines)
+    ('[m]', 2)
+    >>> axes.figure.savefig("depth.svg")
     """
     from matplotlib import pyplot as plt
 

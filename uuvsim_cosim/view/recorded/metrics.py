@@ -6,12 +6,12 @@ All are taken on the *true* state (``hull.eta``), never on the estimate of navig
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from uuvsim_cosim.view.recorded.traces import Array, Traces
+from uuvsim_cosim.view.recorded.traces import Array, Elements, Traces
 
 __all__ = [
     "Figure",
@@ -21,12 +21,16 @@ __all__ = [
     "energy",
     "figures",
     "metrics_of",
+    "navigation_error",
     "navigation_errors",
+    "path_end",
     "tracking",
     "wrapped",
 ]
 
 APPROACH = 1.0  # m; the approach ends when the vehicle is first this close to the path
+ROWS = 1 << 16  # of an intermediate result, so that memory holds few whole columns
+Vector = Elements | Sequence[Array]  # elements (T,) of a vector
 AXES = ("north", "east", "down", "roll", "pitch", "heading")
 
 
@@ -44,10 +48,8 @@ class Tracking:
 
 @dataclass(frozen=True)
 class Navigation:
-    """Estimate minus truth, (T, 6), angles wrapped; `inside` is the share within 3 sigma."""
+    """Figures of estimate minus truth; `inside` is the share of samples within 3 sigma by axis."""
 
-    error: Array
-    sigma: Array | None  # (T, 6); NaN where navigation gives none
     horizontal_rms: float  # m
     vertical_rms: float  # m
     heading_rms: float  # rad
@@ -87,7 +89,13 @@ def cross_track_error(position: Array, path: Array) -> Array:
     all legs, ends included, so it holds for station-keeping at the last waypoint too, and does
     not depend on the active leg of the guidance; it is positive to starboard.
     """
-    p = position[:, :2]
+    signed = np.empty(len(position))
+    for k in range(0, len(position), ROWS):
+        signed[k : k + ROWS] = _cross_track_error(position[k : k + ROWS, :2], path)
+    return signed
+
+
+def _cross_track_error(p: Array, path: Array) -> Array:
     nearest = np.full(len(p), np.inf)
     signed = np.zeros(len(p))
     for a, b in zip(path[:-1, :2], path[1:, :2], strict=True):
@@ -105,18 +113,35 @@ def cross_track_error(position: Array, path: Array) -> Array:
     return signed
 
 
-def tracking(time: Array, eta: Array, path: Array, eta_d: Array | None = None) -> Tracking:
-    """Return path-following figures; rms = sqrt(mean e^2) and max |e| over all samples after the
-    approach, which ends when |e| first is at most 1 m (if it never is, all samples count).
+def path_end(traces: Traces) -> int | None:
+    """Return the first sample at which a path is flown to its end and the vehicle circles there.
 
-    The depth error is down minus the guidance's desired down at the same sample.
+    None: the path is not flown to its end, or the vehicle holds station at the end.
+    """
+    done, nu_d = traces.scalar("guidance.done"), traces.elements("guidance.nu_d", 6)
+    if done is None or nu_d is None:
+        return None
+    circles = np.flatnonzero((done > 0.5) & (nu_d[0] > 0))  # a station has no wanted speed
+    return int(circles[0]) if circles.size else None
+
+
+def tracking(
+    time: Array, eta: Array, path: Array, down: Array | None = None, end: int | None = None
+) -> Tracking:
+    """Return path-following figures; rms = sqrt(mean e^2) and max |e| over all samples after the
+    approach, which ends when |e| first is at most 1 m (if it never is, all samples count), and
+    before the sample `end` (see `path_end`).
+
+    The depth error is down minus `down` (T,), the guidance's desired one, at the same sample.
     """
     error = cross_track_error(eta, path)
     close = np.flatnonzero(np.abs(error) <= APPROACH)
     first = int(close[0]) if close.size else 0
     error = error.copy()
     error[:first] = np.nan
-    depth = None if eta_d is None else eta[:, 2] - eta_d[:, 2]
+    if end is not None and end > first:
+        error[end:] = np.nan
+    depth = None if down is None else eta[:, 2] - down
     return Tracking(
         error=error,
         depth_error=depth,
@@ -127,26 +152,33 @@ def tracking(time: Array, eta: Array, path: Array, eta_d: Array | None = None) -
     )
 
 
-def navigation_errors(eta_hat: Array, eta: Array, sigma: Array | None = None) -> Navigation:
-    """Return navigation's error: estimate minus truth at the same communication point.
+def navigation_error(eta_hat: Vector, eta: Vector, axis: int) -> Array:
+    """Return navigation's error (T,) of an axis of eta: estimate minus truth; angles wrapped."""
+    error = eta_hat[axis] - eta[axis]
+    return error if axis < 3 else wrapped(error)
 
+
+def navigation_errors(eta_hat: Vector, eta: Vector, sigma: Vector | None = None) -> Navigation:
+    """Return figures of navigation's error at the same communication point.
+
+    Each vector is given by its elements (T,), which are read for one axis at a time.
     horizontal = sqrt(mean(e_N^2 + e_E^2)), vertical and heading likewise of one axis; inside =
     share of samples with |e_i| <= 3 sigma_i per axis (0.9973 for a Gaussian, consistent filter).
     """
-    error = eta_hat - eta
-    error = np.column_stack([error[:, :3], wrapped(error[:, 3:6])])
     inside: dict[str, float] = {}
-    if sigma is not None:
-        for i, axis in enumerate(AXES):
-            known = np.isfinite(sigma[:, i]) & (sigma[:, i] > 0)
+    rms = []
+    for i, axis in enumerate(AXES):
+        error = navigation_error(eta_hat, eta, i)
+        rms.append(_rms(error))
+        if sigma is not None and i < len(sigma):
+            reach = sigma[i]
+            known = np.isfinite(reach) & (reach > 0)
             if known.any():
-                inside[axis] = float(np.mean(np.abs(error[known, i]) <= 3.0 * sigma[known, i]))
+                inside[axis] = float(np.mean(np.abs(error[known]) <= 3.0 * reach[known]))
     return Navigation(
-        error=error,
-        sigma=sigma,
-        horizontal_rms=float(np.sqrt(_rms(error[:, 0]) ** 2 + _rms(error[:, 1]) ** 2)),
-        vertical_rms=_rms(error[:, 2]),
-        heading_rms=_rms(error[:, 5]),
+        horizontal_rms=float(np.sqrt(rms[0] ** 2 + rms[1] ** 2)),
+        vertical_rms=rms[2],
+        heading_rms=rms[5],
         inside=inside,
     )
 
@@ -159,19 +191,24 @@ def energy(time: Array, voltage: Array, current: Array) -> float:
 def figures(traces: Traces, path: Array | None) -> list[Figure]:
     """Return the figures of merit that the recorded signals allow, in the order of the table."""
     found: list[Figure] = []
-    eta = traces.vector("hull.eta", 6)
+    eta = traces.elements("hull.eta", 6)
     if eta is not None and path is not None and len(path) > 1:
-        track = tracking(traces.time, eta, path, traces.vector("guidance.eta_d", 6))
+        eta_d = traces.elements("guidance.eta_d", 6)
+        desired = None if eta_d is None else eta_d[2]
+        end = path_end(traces)
+        track = tracking(traces.time, eta.stacked(0, 1, 2), path, desired, end)
         after = f"after the approach ({track.approach_ends:.0f} s)" if track.approach_ends else ""
+        if end is not None:
+            after += f"{', ' if after else ''}until the path's end ({traces.time[end]:.0f} s)"
         found += [
             Figure("cross_track_rms", "cross-track error, RMS", track.rms, "m", ".3f", after),
             Figure("cross_track_max", "cross-track error, max", track.max, "m", ".3f"),
         ]
         if np.isfinite(track.depth_rms):
             found.append(Figure("depth_rms", "depth error, RMS", track.depth_rms, "m", ".3f"))
-    eta_hat = traces.vector("navigation.eta", 6)
+    eta_hat = traces.elements("navigation.eta", 6)
     if eta is not None and eta_hat is not None:
-        nav = navigation_errors(eta_hat, eta, sigma_of(traces))
+        nav = navigation_errors(eta_hat, eta, traces.elements("navigation.sigma", 1))
         found += [
             Figure("navigation_horizontal_rms", "navigation error, horizontal RMS",
                    nav.horizontal_rms, "m", ".3f"),
@@ -199,8 +236,12 @@ def figures(traces: Traces, path: Array | None) -> list[Figure]:
         if duration > 0:
             found.append(Figure("power", "mean electrical power", used / duration, "W", ".0f"))
     if eta is not None:
-        steps = np.diff(eta[:, :3], axis=0)
-        flown = float(np.sum(np.sqrt(np.sum(steps**2, axis=1))))
+        position = eta.stacked(0, 1, 2)
+        steps = np.empty(max(len(position) - 1, 0))
+        for k in range(0, len(steps), ROWS):
+            change = np.diff(position[k : k + ROWS + 1], axis=0)
+            steps[k : k + ROWS] = np.sqrt(np.sum(change**2, axis=1))
+        flown = float(np.sum(steps))
         found.append(Figure("distance", "distance flown", flown, "m", ".1f"))
     return found
 
@@ -219,17 +260,6 @@ def metrics_of(figures: Iterable[Figure]) -> dict[str, dict[str, str | float | N
         if value is None:
             found[f.key]["not_finite"] = f"{f.value}"
     return found
-
-
-def sigma_of(traces: Traces) -> Array | None:
-    """Return navigation's sigma as (T, 6) in eta's order, NaN for the elements that it lacks."""
-    sigma = traces.find("navigation.sigma")
-    if sigma is None or sigma.ndim != 2:
-        return None
-    full = np.full((len(sigma), 6), np.nan)
-    width = min(6, sigma.shape[1])
-    full[:, :width] = sigma[:, :width]
-    return full
 
 
 def energy_of(traces: Traces) -> float | None:

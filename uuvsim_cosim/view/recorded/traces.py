@@ -13,11 +13,35 @@ from numpy.typing import NDArray
 
 from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.models.declaration.element_names import split_element_name
+from uuvsim_cosim.orchestrator.recording.columns import LazyArrays
 from uuvsim_cosim.orchestrator.recording.recording_reader import read_signals
 
-__all__ = ["Array", "Traces", "joined", "provenance_of", "traces_of"]
+__all__ = ["Array", "Elements", "Traces", "joined", "provenance_of", "traces_of"]
 
 Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Elements:
+    """Elements of an array by their number, from 0; each is read when it is asked for."""
+
+    traces: Traces
+    name: str
+
+    def __getitem__(self, k: int) -> Array:
+        """Return an element, shape (T,)."""
+        return self.traces.element(self.name, k)
+
+    def __len__(self) -> int:
+        """Return the number of elements."""
+        return self.traces.size(self.name)
+
+    def stacked(self, *elements: int) -> Array:
+        """Return some elements as an array of its own, shape (T, number of them)."""
+        stacked = np.empty((len(self.traces.time), len(elements)))
+        for i, k in enumerate(elements):
+            stacked[:, i] = self[k]
+        return stacked
 
 
 @dataclass(frozen=True)
@@ -33,31 +57,58 @@ class Traces:
     units: Mapping[str, str] = field(default_factory=dict)
     element_units: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
 
+    def size(self, name: str) -> int:
+        """Return the number of elements of a signal."""
+        if isinstance(self.values, LazyArrays):
+            return self.values.size(name)
+        return self.values[name].reshape(len(self.time), -1).shape[1] if len(self.time) else 0
+
     def find(self, name: str) -> Array | None:
         """Return a signal by name, or by the end of a nested name (``rov.hull.eta``) if unique."""
+        full = self._full_name(name)
+        return None if full is None else self.values[full]
+
+    def _full_name(self, name: str) -> str | None:
         if name in self.values:
-            return self.values[name]
+            return name
         nested = [key for key in self.values if key.endswith("." + name)]
-        return self.values[nested[0]] if len(nested) == 1 else None
+        return nested[0] if len(nested) == 1 else None
+
+    def elements(self, name: str, size: int) -> Elements | None:
+        """Return the elements of an array of at least `size` ones, each read at its use, or None.
+
+        The array is looked for as in `find`.
+        """
+        full = self._full_name(name)
+        if full is None or self.size(full) < size or not self.is_array(full):
+            return None
+        return Elements(self, full)
+
+    def element(self, name: str, k: int) -> Array:
+        """Return element `k`, from 0, of a signal by its whole name, shape (T,)."""
+        if isinstance(self.values, LazyArrays):
+            return self.values.element(name, k)
+        return self.values[name].reshape(len(self.time), -1)[:, k]
 
     def vector(self, name: str, size: int) -> Array | None:
         """Return the first `size` elements of a signal, shape (T, size), or None."""
-        value = self.find(name)
-        if value is None or value.ndim != 2 or value.shape[1] < size:
-            return None
-        return value[:, :size]
+        elements = self.elements(name, size)
+        return None if elements is None else elements.stacked(*range(size))
+
+    def is_array(self, name: str) -> bool:
+        """Return whether a signal is an array, by its whole name."""
+        if isinstance(self.values, LazyArrays):
+            return self.values.is_array(name)
+        return self.values[name].ndim == 2
 
     def scalar(self, name: str) -> Array | None:
         """Return a signal of one element, shape (T,), or None."""
-        value = self.find(name)
-        if value is not None and value.ndim == 2:
-            return value[:, 0] if value.shape[1] == 1 else None
-        return value
+        full = self._full_name(name)
+        return self.element(full, 0) if full is not None and self.size(full) == 1 else None
 
     def by_unit(self, name: str, most: int) -> list[tuple[str, list[int]]]:
         """Return the elements (from 0) of a signal in groups of one unit and at most `most`."""
-        value = self.values[name]
-        size = 1 if value.ndim == 1 else value.shape[1]
+        size = self.size(name)
         units = self.element_units.get(name, ())
         if len(units) != size:
             units = (self.units.get(name, ""),) * size
@@ -87,9 +138,12 @@ def joined(columns: Mapping[str, Array]) -> dict[str, Array]:
 def traces_of(folder: str | Path) -> Traces:
     """Return the numeric signals of a run; raises RecordingError if there is no recording."""
     signals = read_signals(folder)
+    recorded = signals.values_by_name
+    if isinstance(recorded, LazyArrays):
+        return Traces(signals.time, recorded.numbers(), signals.units, signals.element_units)
     numbers = {
         name: np.asarray(value, dtype=float)
-        for name, value in signals.items()
+        for name, value in recorded.items()
         if value.dtype.kind in "fiub"
     }
     return Traces(signals.time, numbers, signals.units, signals.element_units)

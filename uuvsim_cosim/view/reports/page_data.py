@@ -19,7 +19,7 @@ from uuvsim_cosim.view.recorded.traces import Array, Traces
 
 __all__ = ["MOST_ELEMENTS", "PANEL_BINS", "SIGNAL_BYTES", "Bins", "coded", "signal_bins"]
 
-PANEL_BINS = 700  # intervals of the panels that a report shows by itself
+PANEL_BINS = 700  # intervals of the panels that a report shows by default
 SIGNAL_BYTES = 700_000  # characters of the recorded signals that the search field adds
 SIGNAL_BINS, FEWEST_BINS = 500, 50  # intervals of a recorded signal: at most, at least
 MOST_ELEMENTS = 64  # of an array; a longer one is not in the page
@@ -42,7 +42,7 @@ class Bins:
 
     @cached_property
     def edges(self) -> Array:
-        """The limits of the intervals, none of which is shorter than a run's samples lie apart."""
+        """The limits of the intervals; none is shorter than the distance of two samples."""
         low, high = min(t[0] for t in self.times), max(t[-1] for t in self.times)
         apart = max(float(np.median(np.diff(t))) for t in self.times)
         count = int(np.clip((high - low) / max(apart, 1e-12), 1, self.most))
@@ -82,9 +82,9 @@ def signal_bins(runs: Sequence[Traces], names: Sequence[str]) -> tuple[Bins, lis
     """
     sizes: dict[str, int] = {}
     for name in names:
-        values = [run.values[name] for run in runs if name in run.values]
-        size = max(v[:1].size for v in values)
-        sizes[name] = (2 * len(values) - 1) * size if size <= MOST_ELEMENTS else 1 << 30
+        each_run = [run.size(name) for run in runs if name in run.values]
+        size = max(each_run)
+        sizes[name] = (2 * len(each_run) - 1) * size if size <= MOST_ELEMENTS else 1 << 30
     each = 2 * 2 * 4 / 3  # characters of an interval: two values of two bytes in base64
     fitting, total = 0, 0
     ordered = sorted(names, key=lambda name: sizes[name])

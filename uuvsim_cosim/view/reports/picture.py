@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
@@ -40,15 +41,15 @@ def picture_svg(traces: Traces, provenance: Mapping[str, Any]) -> str:
     left = 640.0
     track = replace(track, width=left - 24, tallest=560)
     _, _, track_height = track.scales()
-    below = {s.title: s.panels for s in sections(traces)}
-    extra = list(below.get("Thrust", []))[:1]
+    below = {s.title: list(islice(s.panels, 1)) for s in sections(traces)}
+    extra = below.get("Thrust", [])
     navigation = [
         replace(p, title=f"Navigation error, {p.title.lower()}, and ±3 σ")
         for title, shown in below.items()
         if title.startswith("Nav")
-        for p in shown[:1]
+        for p in shown
     ]
-    panels = [*lead_panels(traces, path)[:2], *navigation, *extra][:4]
+    panels = [*islice(lead_panels(traces, path), 2), *navigation, *extra][:4]
     tall = track_height + HEAD + 16
     top = 62.0
     shown = ("cross_track_rms", "cross_track_max", "navigation_horizontal_rms", "energy")

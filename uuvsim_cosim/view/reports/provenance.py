@@ -33,9 +33,9 @@ FORMULAS = (
     "Navigation error: estimate minus truth at the same communication point, so delays count; "
     "horizontal RMS = √mean(e_N² + e_E²). Inside 3 σ: share of samples with |e| ≤ 3 σ, mean of "
     "the axes; a consistent Gaussian filter has 99.7 %.",
-    "Energy: what the battery integrates, ∫ V I dt; without that output, by trapezoids from "
+    "Energy: the battery's integral ∫ V I dt; without that output, the trapezoidal rule on "
     "voltage and total current.",
-    "Plots hold the least and the greatest sample of each of at most 700 intervals of time, so "
+    "Plots show the smallest and the largest sample of each of at most 700 intervals of time, so "
     "that no peak is lost; all samples are in signals.parquet.",
 )
 
@@ -43,14 +43,14 @@ FORMULAS = (
 def provenance_html(provenance: Mapping[str, Any], *notes: str) -> str:
     """Return the sections below the plots; unknown facts are left out.
 
-    `notes` say what the page itself holds.
+    `notes` describe the data in the page itself.
     """
     rows = facts_of(provenance)
     parts = ["<h2>Settings and sources of this run</h2>"]
     if rows:
         cells = "".join(f"<tr><th>{escape(k)}</th><td>{escape(v)}</td></tr>" for k, v in rows)
         parts.append(f'<div class="card"><table>{cells}</table></div>')
-    for key, title in (("notes", "Notes: what was assumed"), ("warnings", "Warnings")):
+    for key, title in (("notes", "Notes: assumptions of this run"), ("warnings", "Warnings")):
         if provenance.get(key):
             parts.append(details_html(title, provenance[key], opened=True))
     if provenance.get("components"):

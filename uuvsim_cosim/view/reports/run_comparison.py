@@ -102,7 +102,7 @@ def comparison_html(
         if signals[k] - signals[1 - k]
     ]
     body += [
-        "<h2>What differs in the settings</h2>",
+        "<h2>Differences in the settings</h2>",
         f'<div class="card wide">{_table(("", "A", "B"), shown)}</div>',
         details_html("How the figures are computed", (*FORMULAS, *only, plots.note())),
         "<footer>Written by uuvsim-cosim. This file needs no network.</footer>",
@@ -113,7 +113,7 @@ def comparison_html(
     )  # fmt: skip
 
 
-def _compared(a: Sequence[Panel], b: Sequence[Panel], plots: Plots) -> Iterable[Panel]:
+def _compared(a: Iterable[Panel], b: Iterable[Panel], plots: Plots) -> Iterable[Panel]:
     """Yield, for each panel of both runs, the lines of both, then their differences."""
     others = {panel.title: panel for panel in b}
     for panel in a:

@@ -9,14 +9,13 @@ import json
 from collections.abc import Iterable, Mapping, Sequence
 from importlib.resources import files
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from uuvsim_cosim.cache import written
 from uuvsim_cosim.errors import InputInvalid, RecordingError
 from uuvsim_cosim.orchestrator.running.run_folder import write_run_json
-from uuvsim_cosim.scene.mapping.mapping import SeabedMap, read_map
 from uuvsim_cosim.view.plots.page import MARKS, encoded, key_html, own_file, page_html
 from uuvsim_cosim.view.plots.plots import Line, Panel, Rows, TimePanel
 from uuvsim_cosim.view.plots.svg import escape
@@ -37,6 +36,9 @@ from uuvsim_cosim.view.scene3d.motion import motion_of
 from uuvsim_cosim.view.scene3d.scene import Scene3D
 from uuvsim_cosim.view.scene3d.scene_html import MOMENTS, scene_html
 from uuvsim_cosim.view.scene3d.scene_of_run import scene3d_of_run
+
+if TYPE_CHECKING:
+    from uuvsim_cosim.scene.mapping.mapping import SeabedMap
 
 __all__ = [
     "Plots",
@@ -106,7 +108,7 @@ class Plots:
         )
 
     def note(self) -> str:
-        """Return what the page holds of the recorded signals, for the section of formulas."""
+        """Return the sentence on the recorded signals in the page, for the section of formulas."""
         bins = self._bins[1]
         kept = (
             "with all samples"
@@ -188,22 +190,23 @@ class Plots:
 
     def _signal(self, name: str) -> list[dict[str, object]]:
         """Return the panels of a recorded signal: one for each unit, then differences B - A."""
-        panels = []
+        found = []
         having = [(k, run) for k, run in enumerate(self.runs) if name in run.values]
         for unit, elements in having[0][1].by_unit(name, len(STYLES)):
             lines = []
             for k, run in having:
-                value = run.values[name].reshape(len(run.time), -1)
+                size = run.size(name)
                 for style, i in zip(STYLES, elements, strict=False):
-                    if i < value.shape[1]:
-                        label = f"[{i + 1}]" if value.shape[1] > 1 else name.rpartition(".")[2]
+                    if i < size:
+                        label = f"[{i + 1}]" if size > 1 else name.rpartition(".")[2]
                         if len(self.runs) > 1:
                             label = f"{'AB'[k]} {label}"
-                        lines.append(Line(label, value[:, i], style, -1, k == 1, k))
-            panels.append(TimePanel(name, unit, lines))
+                        lines.append(Line(label, run.element(name, i), style, -1, k == 1, k))
+            panel = TimePanel(name, unit, lines)
+            found.append(self._data(panel, 1))
             if len(having) == 2:
-                panels.append(self.difference(panels[-1]))
-        return [self._data(panel, 1) for panel in panels]
+                found.append(self._data(self.difference(panel), 1))
+        return found
 
     def difference(self, panel: Panel) -> TimePanel:
         """Return the differences B - A of the lines "A x" and "B x" of a panel, at A's times."""
@@ -228,12 +231,14 @@ def write_metrics(folder: str | Path, figures: Iterable[Figure]) -> None:
     try:
         write_run_json(path, {**provenance_of(folder), "metrics": metrics_of(figures)})
     except OSError as error:
-        raise RecordingError(path, error.strerror, "room on the disk") from None
+        raise RecordingError(path, error.strerror, "free space on the disk") from None
 
 
 def write_report(folder: str | Path, out: str | Path | None = None) -> Path:
     """Write the one-file report of a run, by default report.html in its folder."""
     traces = sampled_traces(folder)
+    from uuvsim_cosim.scene.mapping.mapping import read_map
+
     surveyed = read_map(Path(folder))
     page = report_html(traces, provenance_of(folder), scene3d_of_run(folder, traces), surveyed)
     return written(

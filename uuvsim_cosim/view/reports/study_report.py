@@ -172,8 +172,8 @@ def _section(
         cards.append(card(title.replace("-", "−"), "", picture))
     notes = []
     if best and where:
-        notes.append(f"Dots are the runs at {where}, where they differ most; rank correlations are "
-                     "within grid points, over all of them.")  # fmt: skip
+        notes.append(f"Dots show the runs at {where}, where they differ most; rank correlations "
+        "are computed within grid points, over all points.")  # fmt: skip
     if len(known) > len(best):
         notes.append(f"{len(known) - len(best)} more parameters have less rank correlation.")
     rest = f'<p class="note">{escape(" ".join(notes))}</p>' if notes else ""

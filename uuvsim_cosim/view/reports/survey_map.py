@@ -4,14 +4,17 @@ from __future__ import annotations
 
 import base64
 from collections.abc import Mapping
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from uuvsim_cosim.scene.mapping.mapping import SeabedMap
 from uuvsim_cosim.view.plots.png import Pixels, png
 from uuvsim_cosim.view.plots.svg import escape
 from uuvsim_cosim.view.recorded.metrics import Figure
 from uuvsim_cosim.view.recorded.traces import Array
+
+if TYPE_CHECKING:
+    from uuvsim_cosim.scene.mapping.mapping import SeabedMap
 
 __all__ = ["map_figures", "map_pictures", "map_section"]
 
@@ -38,7 +41,7 @@ def map_figures(made: SeabedMap) -> list[Figure]:
 
 
 def map_pictures(made: SeabedMap) -> dict[str, tuple[Pixels, str]]:
-    """Return pictures (rows, columns, 3), north up, by name, each with what its colours say."""
+    """Return pictures (rows, columns, 3), north up, by name, each with its colours' meaning."""
     block = max(1, -(-made.window.columns // WIDEST))
     true = _coarse(next(iter(made.depth.values())), block)
     low, high = (float(np.nanpercentile(true, q)) for q in (1, 99))

@@ -140,7 +140,7 @@ def _write_report(
 
 
 def _page_html(title: str, subtitle: str, body: Sequence[str]) -> str:
-    """Return a page of its own, that opens offline."""
+    """Return a complete page that opens offline."""
     head = f"<header><h1>{escape(title)}</h1><p>{escape(subtitle)}</p></header>"
     return page.page_html(title, "uuvsim train", [head, *body], style=STYLE)
 
@@ -182,7 +182,11 @@ def _curves_html(evaluations: Columns, episodes: Columns, scripted: Mapping[str,
             courses.append(_plain("scripted", ends, np.full(2, float(scripted[name]))))
             keys.append(("third", "scripted"))
         cards.append(card(name, "", grid_lines(courses, "environment steps"), keys))
-    rest = f'<p class="note">The same throughout: {escape(", ".join(still))}.</p>' if still else ""
+    rest = (
+        f'<p class="note">Constant during the training: {escape(", ".join(still))}.</p>'
+        if still
+        else ""
+    )
     return f'<div class="grid3">{"".join(cards)}</div>{rest}'
 
 
@@ -204,11 +208,11 @@ def _judged_html(judged: Mapping[str, Any] | None, what: str = "The best policy"
         for name in judged["figures"][who[0]]
     )
     return (
-        f"<h2>{escape(what)}, judged</h2>"
+        f"<h2>{escape(what)}, evaluated</h2>"
         f'<div class="card wide"><table><thead><tr><th>figure</th>{head}</tr></thead>'
         f"<tbody>{rows}</tbody></table></div>"
-        f'<p class="note">Means of {judged["episodes"]} episodes from seed {judged["seed"]}, by '
-        "which nothing was chosen, with 95 % bootstrap intervals.</p>"
+        f'<p class="note">Means of {judged["episodes"]} episodes from seed {judged["seed"]}, which '
+        "were not used for selection, with 95 % bootstrap intervals.</p>"
     )
 
 
@@ -226,7 +230,7 @@ def _episodes_html(pictures: Pictures) -> str:
 
 
 def _asked_html(asked: Mapping[str, object]) -> str:
-    """Return what was asked as a table."""
+    """Return the settings of the training as a table."""
     rows = "".join(
         f"<tr><th>{escape(k)}</th><td>{escape(_text(v))}</td></tr>" for k, v in asked.items()
     )

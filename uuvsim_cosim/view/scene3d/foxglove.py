@@ -17,7 +17,8 @@ import numpy as np
 
 from uuvsim_cosim.cache import whole_file
 from uuvsim_cosim.errors import RecordingError
-from uuvsim_cosim.view.recorded.traces import Array
+from uuvsim_cosim.notebook_bar import Progress
+from uuvsim_cosim.view.recorded.traces import Array, Traces
 from uuvsim_cosim.view.scene3d.colours import (
     ARROW,
     BODIES,
@@ -28,13 +29,13 @@ from uuvsim_cosim.view.scene3d.colours import (
     depth_colours,
     rgb,
 )
-from uuvsim_cosim.view.scene3d.motion import Motion, echoes, motion_of
+from uuvsim_cosim.view.scene3d.motion import Motion, echoes
 from uuvsim_cosim.view.scene3d.scene import Mesh, Scene3D
 from uuvsim_cosim.view.scene3d.scene_of_run import placed
 from uuvsim_cosim.view.scene3d.shapes import lathe, terrain_mesh
 
 if TYPE_CHECKING:
-    from mcap.writer import Writer
+    from uuvsim_cosim.orchestrator.recording.mcap_file import McapFile
 
 __all__ = ["FoxgloveScene", "export_scene_mcap"]
 
@@ -43,20 +44,25 @@ TRACK = 2000
 ROOT = 0.5**0.5  # ENU from NED: half a turn about north-east
 
 
-def export_scene_mcap(run: str | Path, out: Path) -> Path:
+def export_scene_mcap(run: str | Path, out: Path, progress: Progress | None = None) -> Path:
     """Write a run's signals and its scene into one MCAP file, whole or not at all."""
+    from uuvsim_cosim.orchestrator.recording.export import refuse_if_disk_is_small
     from uuvsim_cosim.orchestrator.recording.mcap import write_mcap
     from uuvsim_cosim.orchestrator.recording.recording_reader import read_signals
 
-    scene3d, _, traces = placed(run)
-    moments = int(min(MOST, RATE * float(traces.time[-1] - traces.time[0]) + 2))
-    scene = FoxgloveScene(scene3d, motion_of(scene3d, traces, moments))
+    def moments(traces: Traces) -> int:
+        return int(min(MOST, RATE * float(traces.time[-1] - traces.time[0]) + 2))
+
+    scene3d, motion, _ = placed(run, moments)
+    scene = FoxgloveScene(scene3d, motion)
+    signals = read_signals(run)
     try:
+        refuse_if_disk_is_small(signals, out)
         with whole_file(out) as fresh:
-            write_mcap(read_signals(run), fresh, scene.write)
+            write_mcap(signals, fresh, scene.write, progress)
     except OSError as error:
         raise RecordingError(
-            out, f"cannot be written ({error.strerror or error})", "a folder that can"
+            out, f"cannot be written ({error.strerror or error})", "a folder that can be written"
         ) from error
     return out
 
@@ -68,7 +74,7 @@ class FoxgloveScene:
         self.scene3d, self.motion = scene3d, motion
         self.nanoseconds = np.rint(motion.time * 1e9).astype(np.int64).tolist()
 
-    def write(self, writer: Writer) -> None:
+    def write(self, writer: McapFile) -> None:
         """Write the channels /tf, /scene, /thrust, /echoes and /path."""
         tf = _channel(writer, "/tf", "foxglove.FrameTransforms", {"transforms": "array"})
         scene = _channel(
@@ -152,7 +158,7 @@ class FoxgloveScene:
         return found
 
 
-def _channel(writer: Writer, topic: str, name: str, fields: dict[str, str]) -> int:
+def _channel(writer: McapFile, topic: str, name: str, fields: dict[str, str]) -> int:
     properties = {
         "timestamp": {"type": "object"}, "frame_id": {"type": "string"},
         **{field: {"type": kind} for field, kind in fields.items()},
@@ -162,12 +168,12 @@ def _channel(writer: Writer, topic: str, name: str, fields: dict[str, str]) -> i
     about = {"type": "object", "title": name, "properties": properties}
     data = json.dumps(about).encode()
     schema = writer.register_schema(name=name, encoding="jsonschema", data=data)
-    return int(writer.register_channel(topic=topic, message_encoding="json", schema_id=schema))
+    return writer.register_channel(topic, "json", schema, {})
 
 
-def _say(writer: Writer, channel: int, at: int, message: Mapping[str, object]) -> None:
+def _say(writer: McapFile, channel: int, at: int, message: Mapping[str, object]) -> None:
     data = json.dumps(message, separators=(",", ":"), allow_nan=False).encode()
-    writer.add_message(channel, log_time=at, publish_time=at, data=data)
+    writer.add_message(channel, at, data)
 
 
 def _stamp(at: int) -> dict[str, int]:

@@ -43,53 +43,66 @@ def motion_of(scene3d: Scene3D, traces: Traces, most: int | None = None) -> Moti
         picks = np.unique(np.linspace(0, n - 1, most).astype(np.intp))
     positions, attitudes, thrusts, scales, ranges, estimates = {}, {}, {}, {}, {}, {}
     for body in scene3d.bodies:
-        eta = _signal(traces, body.eta)
+        eta = _picked(traces, body.eta, picks)
         if eta is None or eta.ndim != 2 or eta.shape[1] < 6:
             continue
-        positions[body.name] = eta[picks, :3]
-        q = _signal(traces, body.q)
+        positions[body.name] = eta[:, :3]
+        q = _picked(traces, body.q, picks)
         if q is None:
-            attitudes[body.name] = quaternions(eta[picks, 3:6])
+            attitudes[body.name] = quaternions(eta[:, 3:6])
         else:
-            length = np.linalg.norm(q[picks], axis=1, keepdims=True)
-            unit = q[picks] / np.where(length > 1e-9, length, 1.0)
+            length = np.linalg.norm(q, axis=1, keepdims=True)
+            unit = q / np.where(length > 1e-9, length, 1.0)
             attitudes[body.name] = np.where(length > 1e-9, unit, [1.0, 0.0, 0.0, 0.0])
-        columns = [_signal(traces, arrow.signal) for arrow in body.arrows]
-        if n and any(c is not None for c in columns):
-            thrust = np.column_stack([np.zeros(n) if c is None else c for c in columns])
-            thrust = np.where(np.isfinite(thrust), thrust, 0.0)
-            scales[body.name] = REACH * body.size / max(float(np.abs(thrust).max()), LEAST)
-            thrusts[body.name] = thrust[picks]
-        believed = _signal(traces, body.estimate)
-        if believed is not None and believed.ndim == 2 and believed.shape[1] >= 3:
-            estimates[body.name] = believed[picks, :3]
-        for rays in body.rays:
-            given, valid = _signal(traces, rays.signal), _signal(traces, rays.valid)
-            if given is None or given.size != n * len(rays.directions):
+        columns: list[Array | None] = []
+        greatest = LEAST
+        for arrow in body.arrows:
+            thrust = _picked(traces, arrow.signal, slice(None))
+            if thrust is None:
+                columns.append(None)
                 continue
-            distance = given.reshape(n, -1)
+            known = np.where(np.isfinite(thrust), thrust, 0.0)
+            greatest = max(greatest, float(np.abs(known).max(initial=0.0)))
+            columns.append(known[picks])
+        if n and any(c is not None for c in columns):
+            some = np.zeros(len(traces.time[picks]))
+            thrusts[body.name] = np.column_stack([some if c is None else c for c in columns])
+            scales[body.name] = REACH * body.size / greatest
+        believed = _picked(traces, body.estimate, picks)
+        if believed is not None and believed.ndim == 2 and believed.shape[1] >= 3:
+            estimates[body.name] = believed[:, :3]
+        for rays in body.rays:
+            given, valid = (_picked(traces, s, picks) for s in (rays.signal, rays.valid))
+            if given is None or given.size != len(given) * len(rays.directions):
+                continue
+            distance = given.reshape(len(given), -1)
             heard = np.isfinite(distance) & (distance > 0)
             if valid is not None:
-                heard &= valid.reshape(n, -1) > 0.5
-            ranges[rays.name] = np.where(heard, distance, np.nan)[picks]
+                heard &= valid.reshape(len(valid), -1) > 0.5
+            ranges[rays.name] = np.where(heard, distance, np.nan)
     for marker in scene3d.markers:
-        at = _signal(traces, marker.signal)
+        at = _picked(traces, marker.signal, picks)
         if at is not None and at.ndim == 2 and at.shape[1] >= 3:
-            positions[marker.name] = at[picks, :3]
+            positions[marker.name] = at[:, :3]
     return Motion(traces.time[picks], positions, attitudes, thrusts, scales, ranges, estimates)
 
 
-def _signal(traces: Traces, name: str) -> Array | None:
-    """Return a signal, or an element ``x[2]`` of one."""
+def _picked(traces: Traces, name: str, picks: slice | NDArray[np.intp]) -> Array | None:
+    """Return some samples of a signal, or of an element ``x[2]`` of one; read by element."""
     if not name:
         return None
     if name in traces.values:
-        return np.asarray(traces.values[name], float)
+        if not traces.is_array(name):
+            return traces.element(name, 0)[picks]
+        found = np.empty((len(traces.time[picks]), traces.size(name)))
+        for k in range(traces.size(name)):
+            found[:, k] = traces.element(name, k)[picks]
+        return found
     whole, indices = split_element_name(name)
-    value = traces.values.get(whole)
-    if value is None or value.ndim != 2 or len(indices) != 1 or indices[0] > value.shape[1]:
+    if whole not in traces.values or not traces.is_array(whole) or len(indices) != 1:
         return None
-    return np.asarray(value[:, indices[0] - 1], float)
+    k = indices[0]
+    return None if k > traces.size(whole) else traces.element(whole, k - 1)[picks]
 
 
 def quaternions(angles: Array) -> Array:

@@ -2,8 +2,8 @@
 
 Known are: the instruments of `models/sensors/multibeam_and_camera.py`; ``directions`` (n, 3), unit
 vectors in sensor axes; beams in a ring by ``tilt`` and ``azimuth`` (n), a DVL's; else
-one beam along the sensor's z axis. The sensor stands at ``r_s`` in `b`, turned by ``Theta_s``. An
-image of depths has rays whose component along the optical axis is what it says.
+one beam along the sensor's z axis. The sensor stands at ``r_s`` in `b`, turned by ``Theta_s``. The
+values of a depth image are the components of its rays along the optical axis.
 """
 
 from __future__ import annotations
@@ -57,7 +57,7 @@ def rays_of(plan: Plan, hull: int, value: Value, notes: list[str]) -> Iterator[R
             else:
                 directions = np.array([[0.0, 0.0, 1.0]]) if n == 1 else None
             if directions is None:
-                notes.append(f"{sensor.path}.{name}: where its {n} rays point is not known")
+                notes.append(f"{sensor.path}.{name}: the directions of its {n} rays are not known")
                 break
             r, theta = value(sensor, "r_s"), value(sensor, "Theta_s")
             turn = np.eye(3) if theta is None else rotation(*theta.tolist())

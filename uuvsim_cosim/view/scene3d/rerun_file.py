@@ -11,6 +11,9 @@ import numpy as np
 
 from uuvsim_cosim.cache import whole_file
 from uuvsim_cosim.errors import InputInvalid
+from uuvsim_cosim.notebook_bar import Progress
+from uuvsim_cosim.orchestrator.recording.export import refuse_if_disk_is_small
+from uuvsim_cosim.orchestrator.recording.recording_reader import read_signals
 from uuvsim_cosim.view.scene3d.colours import (
     ARROW,
     BODIES,
@@ -31,10 +34,12 @@ if TYPE_CHECKING:
 
 __all__ = ["export_rrd"]
 
+SENT = 65_536  # rows of a signal that are sent at once
+MOMENTS_MOST = 50_000  # of the moving parts; signals have every row
 ARROWS_MOST = 2000  # moments of the thrusts, which are drawn one by one
 
 
-def export_rrd(run: str | Path, out: Path) -> Path:
+def export_rrd(run: str | Path, out: Path, progress: Progress | None = None) -> Path:
     """Write a run as .rrd: the scene, and every numeric signal below /signals."""
     try:
         import rerun
@@ -44,25 +49,30 @@ def export_rrd(run: str | Path, out: Path) -> Path:
             "writing .rrd needs rerun-sdk, which is not installed",
             "the extra `rerun`: pip install 'uuvsim-cosim[rerun]'",
         ) from None
-    scene3d, motion, traces = placed(run)
+    scene3d, motion, traces = placed(run, lambda traces: MOMENTS_MOST)
     if not out.absolute().parent.is_dir():
         raise InputInvalid(out, "its folder does not exist", "a file in a folder")
+    refuse_if_disk_is_small(read_signals(run), out)
     recording = rerun.RecordingStream("uuvsim", recording_id=scene3d.name or "run")
     with whole_file(out) as fresh:
         recording.save(str(fresh))
         try:
             _still(recording, rerun, scene3d, motion)
             _moving(recording, rerun, scene3d, motion)
-            when = [rerun.TimeColumn("time", duration=traces.time)]
-            for name, values in traces.values.items():
+            for number, (name, values) in enumerate(traces.values.items()):
+                if progress is not None:
+                    progress("writing", number, len(traces.values))
                 table = values.reshape(len(values), -1)
                 if table.shape[1] > 64:
                     continue
                 place = "signals/" + "/".join(_name(part) for part in name.split("."))
-                columns = rerun.Scalars.columns(scalars=table.reshape(-1).astype(float))
-                parts = columns.partition([table.shape[1]] * len(table))
-                recording.send_columns(place, when, parts)
-            recording.flush()
+                for k in range(0, len(table), SENT):
+                    some = table[k : k + SENT]
+                    when = [rerun.TimeColumn("time", duration=traces.time[k : k + SENT])]
+                    columns = rerun.Scalars.columns(scalars=some.reshape(-1).astype(float))
+                    parts = columns.partition([some.shape[1]] * len(some))
+                    recording.send_columns(place, when, parts)
+                recording.flush()
         finally:
             recording.disconnect()
     return out
@@ -110,12 +120,15 @@ def _still(to: RecordingStream, rr: ModuleType, scene3d: Scene3D, motion: Motion
 
 
 def _moving(to: RecordingStream, rr: ModuleType, scene3d: Scene3D, motion: Motion) -> None:
-    when = [rr.TimeColumn("time", duration=motion.time)]
     for name, positions in motion.positions.items():
-        columns = {"translation": positions}
-        if name in motion.attitudes:
-            columns["quaternion"] = motion.attitudes[name][:, [1, 2, 3, 0]]
-        to.send_columns(f"world/{_name(name)}", when, rr.Transform3D.columns(**columns))
+        for k in range(0, len(positions), SENT):
+            rows = slice(k, k + SENT)
+            when = [rr.TimeColumn("time", duration=motion.time[rows])]
+            columns = {"translation": positions[rows]}
+            if name in motion.attitudes:
+                columns["quaternion"] = motion.attitudes[name][rows][:, [1, 2, 3, 0]]
+            to.send_columns(f"world/{_name(name)}", when, rr.Transform3D.columns(**columns))
+        to.flush()
     for body in scene3d.bodies:
         thrust = motion.thrusts.get(body.name)
         if thrust is None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -22,8 +23,8 @@ def newest_run(runs: str | Path = "runs") -> Path:
     if not found:
         raise InputInvalid(
             runs,
-            "no run lies below it",
-            "the path of a run's folder, or to stand where `uuvsim run` has written one",
+            "it contains no run",
+            "the path of a run's folder, or a current folder in which `uuvsim run` has written one",
         )
     return max(found, key=lambda p: p.stat().st_mtime).parent
 
@@ -42,7 +43,7 @@ def scene3d_of_run(run: str | Path, traces: Traces) -> Scene3D:
         try:
             scene3d = scene3d_of_plan(flatten(load(folder / "system.ssd"), loops="delay"), name)
         except (UuvsimError, OSError) as error:
-            reason = f"system.ssd: not understood ({error}); hulls are drawn as boxes"
+            reason = f"system.ssd: cannot be read ({error}); hulls are drawn as boxes"
             scene3d = scene3d_of_signals(traces, name, (reason,))
         if not any(s in traces.values for s in scene3d.signals):
             scene3d = None  # the folder holds the recording of another system
@@ -56,13 +57,18 @@ def scene3d_of_run(run: str | Path, traces: Traces) -> Scene3D:
     return scene3d.with_lines(Line("waypoints", points))
 
 
-def placed(run: str | Path) -> tuple[Scene3D, Motion, Traces]:
-    """Read a run: its scene, its motion, its signals; raises InputInvalid without a position."""
+def placed(
+    run: str | Path, moments: Callable[[Traces], int | None] = lambda traces: None
+) -> tuple[Scene3D, Motion, Traces]:
+    """Read a run: its scene, its motion, its signals; raises InputInvalid without a position.
+
+    The motion is thinned to at most ``moments(traces)`` moments, if that is a number.
+    """
     traces = traces_of(run)
     if not len(traces.time):
         raise InputInvalid(run, "nothing was recorded", "one sample or more")
     scene3d = scene3d_of_run(run, traces)
-    motion = motion_of(scene3d, traces)
+    motion = motion_of(scene3d, traces, moments(traces))
     if not motion.positions:
         some = ", ".join(list(traces.values)[:4]) or "none"
         raise InputInvalid(

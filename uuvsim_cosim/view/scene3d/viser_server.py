@@ -43,7 +43,7 @@ _POLICY = (
 )
 _TOKEN_REQUIRED = (
     "this page requires a token. `uuvsim` prints an address with ?token=… on a terminal; "
-    "`uuvsim access token --port {port}` prints the token to the user who serves\n"
+    "`uuvsim access token --port {port}` prints the token for the server's user\n"
 )
 
 
@@ -96,9 +96,7 @@ class PageGuard(Closing):
         finally:
             module.serve = serve
         if not self._attached:
-            raise InputInvalid(
-                "viewing", "this viser starts its server in an unknown way", "viser 0.2.23"
-            )
+            raise InputInvalid("viewing", "this version of viser is not supported", "viser 0.2.23")
 
     def write(self, port: int) -> None:
         """Write the token's file, for `uuvsim access token --port`."""
@@ -117,7 +115,7 @@ class PageGuard(Closing):
             return connection.respond(404, "not found\n")
         origin = request.headers.get("Origin")
         if origin is not None and urlsplit(origin).netloc != request.headers.get("Host"):
-            return connection.respond(403, f"a page of {origin} asks\n")
+            return connection.respond(403, f"the request is from a page of {origin}\n")
         (token,) = parse_qs(url.query).get("token", [None])[:1]
         name = f"uuvsim-{port}"
         if token is not None and _same(token, self.token):

@@ -1,0 +1,306 @@
+"""ArduSub as a component, with a fake autopilot that has the faults of real ones."""
+
+from __future__ import annotations
+
+import json
+import os
+import socket
+from pathlib import Path
+
+import numpy as np
+import pytest
+from pymavlink.dialects.v20 import ardupilotmega
+
+import uuvsim_cosim as uuv
+from uuvsim_cosim.bridge.autopilots.ardusub import ArduSub, source, thruster_commands
+from uuvsim_cosim.bridge.autopilots.commands import AutopilotCommands
+from uuvsim_cosim.errors import ComponentFailed, FmuError, InputInvalid
+from uuvsim_cosim.models.actuators.thruster_geometry import (
+    configuration_matrix,
+    thruster_geometry,
+)
+from uuvsim_cosim.orchestrator.running.run import run
+from uuvsim_cosim.orchestrator.shipped.autopilot import with_autopilot, with_binary
+from uuvsim_cosim.orchestrator.system.system import System
+
+# ArduPilot, AP_Motors6DOF, frame vectored_6dof: roll, pitch, yaw, throttle (up), forward, lateral.
+FACTORS = np.array([
+    [0, 0, 1, 0, -1, 1], [0, 0, -1, 0, -1, -1], [0, 0, -1, 0, 1, 1], [0, 0, 1, 0, 1, -1],
+    [1, -1, 0, -1, 0, 0], [-1, -1, 0, -1, 0, 0], [1, 1, 0, -1, 0, 0], [-1, 1, 0, -1, 0, 0],
+])  # fmt: skip
+DATA = Path(__file__).parent / "recorded_ardusub.npz"
+
+
+def system(fake: Path, options: str = "", warm_up: float = 0.0) -> System:
+    """The smallest vehicle, with the fake autopilot on board."""
+    made = with_autopilot(uuv.load("bluerov2_hold"), "controller", f"ardusub:?timeout=1{options}")
+    made = with_binary(made.remove("guidance"), str(fake))
+    return made.set("controller.eta_d", [0, 0, 5, 0, 0, 0]).set("controller.warm_up", warm_up)
+
+
+def flown(
+    fake: Path, out: Path, fault: str, monkeypatch: pytest.MonkeyPatch, until: float = 0.5,
+    options: str = "",
+) -> uuv.Signals:  # fmt: skip
+    monkeypatch.setenv("FAKE", fault)
+    return run(system(fake, options), until=until, out=out, backend="native").signals()
+
+
+def test_a_command_of_each_axis_pushes_this_vehicle_along_that_axis() -> None:
+    B = configuration_matrix(thruster_geometry("bluerov2_heavy"))
+    for axis, wanted in enumerate([3, 4, 5, 2, 0, 1]):  # of roll, pitch, …, lateral: K M N Z X Y
+        widths = (1500 + 300 * FACTORS[:, axis]).astype(int)
+        tau = B @ thruster_commands(widths.tolist())
+        sign = -1.0 if axis == 3 else 1.0  # throttle is up, Z is down
+        assert sign * tau[wanted] > 0
+        # Forces in the plane of the horizontal thrusters, off CO, also turn the vehicle.
+        others = np.delete(tau[:3], [a for a in (wanted,) if a < 3])
+        np.testing.assert_allclose(others, 0.0, atol=1e-6)
+
+
+def test_no_pulses_and_pulses_in_the_middle_are_no_command() -> None:
+    np.testing.assert_array_equal(thruster_commands([0, 1500] * 4), np.zeros(8))
+
+
+def test_it_dives_by_the_packets_and_leaves_no_process_and_no_folder(
+    fake: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
+    signals = flown(fake, tmp_path / "run", "", monkeypatch, until=12.0)
+    assert signals["hull.eta"][-1, 2] == pytest.approx(5.0, abs=0.6)
+    assert signals["controller.armed"][-1]
+    assert signals["controller.mode_now"][-1] == 4
+    np.testing.assert_array_equal(np.diff(signals["controller.frame"]), 1)
+    assert not list(tmp_path.glob("uuvsim-ardusub-*"))
+
+
+@pytest.mark.parametrize("fault", ["repeats", "lost", "short", "long", "magic", "early"])
+def test_packets_that_are_wrong_or_repeated_change_no_bit(
+    fake: Path, tmp_path: Path, fault: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    plain = flown(fake, tmp_path / "plain", "", monkeypatch)
+    disturbed = flown(fake, tmp_path / "disturbed", f"{fault}:100", monkeypatch)
+    for name in plain:
+        np.testing.assert_array_equal(plain[name], disturbed[name], err_msg=name)
+
+
+@pytest.mark.parametrize(
+    ("fault", "message"),
+    [
+        ("silent", r"no answer for 1 s; expected .*\?timeout="),
+        ("dies", r"ended by signal 6; its last line is 'segmentation fault'"),
+        ("restarts", r"it started again .*reset the simulation"),
+        ("skips", r"frame 105 after 99; expected frame 100"),
+        ("flood", r"packets in a row that are not the next one"),
+    ],
+)
+def test_a_lost_autopilot_is_named_and_the_recording_is_complete(
+    fake: Path, tmp_path: Path, fault: str, message: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with pytest.raises(ComponentFailed, match=message) as caught:
+        flown(fake, tmp_path / "run", f"{fault}:100", monkeypatch)
+    assert caught.value.path == "controller"
+    assert caught.value.recording is not None
+    from uuvsim_cosim.orchestrator.recording.recording_reader import read_signals
+
+    assert read_signals(caught.value.recording).time[-1] == pytest.approx(0.2475, abs=0.003)
+
+
+def test_an_autopilot_that_ends_before_its_serial_port_is_there_is_named(
+    fake: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with pytest.raises(ComponentFailed, match=r"status 1; its last line is 'bind port failed'"):
+        flown(fake, tmp_path / "run", "no_port", monkeypatch)
+
+
+def test_each_run_needs_an_empty_folder(
+    fake: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "used").mkdir()
+    (tmp_path / "used" / "eeprom.bin").write_bytes(b"0")
+    with pytest.raises(ComponentFailed, match="is not empty"):
+        flown(fake, tmp_path / "run", "", monkeypatch, options=f"&folder={tmp_path / 'used'}")
+
+
+def test_commands_are_there_before_the_state_of_their_tick(
+    fake: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    scenario = tmp_path / "arm.yaml"
+    scenario.write_text("events:\n- {at: 0.1, set: controller.eta_d, value: [1, 2, 3, 0, 0, 0]}\n")
+    monkeypatch.delenv("FAKE", raising=False)
+    folder = tmp_path / "folder"
+    run(system(fake, f"&folder={folder}").set("controller.setpoint_period", 0.0), until=0.2,
+        out=tmp_path / "run", backend="native", scenario=scenario)  # fmt: skip
+    lines = [text.split(" ", 1) for text in (folder / "received.txt").read_text().splitlines()]
+    lines = [line for line in lines if len(line) == 2]
+    sent = {json.loads(text)["timestamp"]: int(count) for count, text in lines}
+    pilot = sent[0.05]  # the position is 12 bytes of frame, and its payload, longer than a pilot's
+    assert {t for t, count in sent.items() if count} >= {0.0, 0.1}
+    assert sent[0.1] > pilot + 50
+    assert sent[0.0975] == sent[0.1025] == 0
+
+
+def test_a_target_that_moves_is_sent_with_its_velocity_and_a_waypoint_without() -> None:
+    here, there = socket.socketpair()
+    commands = AutopilotCommands(here)
+    commands.position(12.5, [1.0, 2.0, 5.0, 0.0, 0.0, np.pi / 2])
+    commands.position(13.0, [1.0, 2.0, 5.0, 0.0, 0.0, np.pi / 2], [0.4, 0.1, 0.2, 0.0, 0.0, 0.3])
+    commands.flush()
+    waypoint, target = ardupilotmega.MAVLink(None).parse_buffer(there.recv(4096))
+    here.close()
+    there.close()
+    ignored = ardupilotmega.POSITION_TARGET_TYPEMASK_VX_IGNORE
+    used = ardupilotmega.POSITION_TARGET_TYPEMASK_YAW_IGNORE
+    accelerations = ardupilotmega.POSITION_TARGET_TYPEMASK_AX_IGNORE
+    assert waypoint.type_mask & ignored
+    assert not target.type_mask & ignored
+    assert not waypoint.type_mask & used
+    assert not target.type_mask & used
+    assert target.type_mask & accelerations
+    # 0.4 ahead is east when the bow points east, and 0.1 to starboard is south
+    assert (target.vx, target.vy, target.vz) == pytest.approx((-0.1, 0.4, 0.2))
+    assert (target.x, target.y, target.z) == pytest.approx((1.0, 2.0, 5.0))
+
+
+def test_a_target_that_moved_is_sent_again_when_it_has_stopped(
+    fake: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    scenario = tmp_path / "moves.yaml"
+    scenario.write_text(
+        "events:\n- {at: 0.1, set: controller.nu_d, value: [0.3, 0, 0, 0, 0, 0]}\n"
+        "- {at: 0.2, set: controller.nu_d, value: [0, 0, 0, 0, 0, 0]}\n"
+    )
+    monkeypatch.delenv("FAKE", raising=False)
+    folder = tmp_path / "folder"
+    run(system(fake, f"&folder={folder}").set("controller.setpoint_period", 0.02), until=0.4,
+        out=tmp_path / "run", backend="native", scenario=scenario)  # fmt: skip
+    lines = [text.split(" ", 1) for text in (folder / "received.txt").read_text().splitlines()]
+    sent = {json.loads(line[1])["timestamp"]: int(line[0]) for line in lines if len(line) == 2}
+    assert not any(count for t, count in sent.items() if 0.06 <= t < 0.1)  # a waypoint, once
+    assert sum(count > 50 for t, count in sent.items() if 0.1 <= t < 0.4) == 15  # each 0.02 s
+
+
+def test_before_the_start_the_vehicle_is_lowered_from_the_surface(
+    fake: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.delenv("FAKE", raising=False)
+    folder = tmp_path / "folder"
+    run(system(fake, f"&folder={folder}", warm_up=2.0), until=0.01, out=tmp_path / "run",
+        backend="native")  # fmt: skip
+    lines = [x.split(" ", 1)[1] for x in (folder / "received.txt").read_text().splitlines() if x]
+    states = [json.loads(x) for x in lines][:800]
+    depth = np.array([s["position"][2] for s in states])
+    speed = np.array([s["velocity"][2] for s in states])
+    assert depth[0] == 0.0
+    assert depth[-1] == pytest.approx(1.0)
+    np.testing.assert_allclose(np.gradient(depth, 0.0025), speed, atol=0.02)
+    force = np.array([s["imu"]["accel_body"][2] for s in states])
+    np.testing.assert_allclose(np.gradient(speed, 0.0025), force + 9.80665, atol=0.2)
+
+
+def test_two_vehicles_have_two_autopilots(
+    fake: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.delenv("FAKE", raising=False)
+    pair = System("pair", "0.0025").add("a", system(fake)).add("b", system(fake))
+    signals = run(pair, until=0.5, out=tmp_path / "run", backend="native").signals()
+    np.testing.assert_array_equal(signals["a.hull.eta"], signals["b.hull.eta"])
+    assert signals["a.hull.eta"][-1, 2] > 1.0
+
+
+def test_a_snapshot_is_refused_with_the_reason(fake: Path, tmp_path: Path) -> None:
+    component = source(f"ardusub:?binary={fake}", tmp_path).instantiate("controller")
+    with pytest.raises(FmuError, match=r"is in another process, which cannot copy it"):
+        component.get_fmu_state()
+    assert not component.description.can_get_and_set_state
+
+
+def test_a_fault_on_a_signal_reaches_the_autopilot(
+    fake: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    scenario = tmp_path / "deaf.yaml"
+    scenario.write_text(
+        "events:\n- {at: 0.1, signal: 'hull.eta[3]', fault: override, value: 9.0, until: 9}\n"
+    )
+    monkeypatch.delenv("FAKE", raising=False)
+    signals = run(system(fake), until=3.0, out=tmp_path / "run", backend="native",
+                  scenario=scenario).signals()  # fmt: skip
+    np.testing.assert_array_equal(signals["controller.u"][-1, 4:], np.ones(4))  # upwards
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("ardusub:?binry=x", "option 'binry'; expected .*binary"),
+        ("ardusub:?instance=two", "instance 'two'; expected 0 or more"),
+        ("ardusub:?timeout=soon", "timeout 'soon'; expected seconds"),
+        ("ardusub:?navigation=stars", "navigation 'stars'; expected gps or sensors"),
+        ("ardusub:?parameters=no.parm", "no such file"),
+    ],
+)
+def test_a_wrong_option_is_refused(text: str, message: str, tmp_path: Path) -> None:
+    with pytest.raises(InputInvalid, match=message):
+        source(text, tmp_path)
+
+
+def test_a_missing_binary_and_that_of_a_copter_are_refused_with_the_way_to_obtain_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("PATH", str(tmp_path))
+    with pytest.raises(InputInvalid, match=r"ardusub in the PATH: no such file.*waf sub"):
+        source("ardusub:", tmp_path).instantiate("controller")
+    copter = tmp_path / "arducopter"
+    copter.write_bytes(b"\x7fELF ArduCopter V4.6.0")
+    with pytest.raises(InputInvalid, match=r"is ArduCopter; expected ArduSub's"):
+        source(f"ardusub:?binary={copter}", tmp_path).instantiate("controller")
+    copter.write_bytes(b"ArduSub V4.5")
+    copter.chmod(0o644)
+    if os.geteuid() != 0:
+        with pytest.raises(InputInvalid, match=r"may not be executed"):
+            source(f"ardusub:?binary={copter}", tmp_path).instantiate("controller")
+
+
+def test_the_same_recorded_packets_give_the_same_bits_and_the_recorded_depth(
+    fake: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    data = np.load(DATA)
+    file = tmp_path / "packets.bin"
+    file.write_bytes(data["widths"].astype("<u2").tobytes())
+    until = (len(data["widths"]) - 2) * 0.0025
+    both = [flown(fake, tmp_path / str(i), f"replay:{file}", monkeypatch, until) for i in (1, 2)]
+    for name in both[0]:
+        np.testing.assert_array_equal(both[0][name], both[1][name], err_msg=name)
+    np.testing.assert_array_equal(
+        both[0]["controller.pwm"], data["widths"][: len(both[0].time), :16]
+    )
+    np.testing.assert_allclose(
+        both[0]["hull.eta"][::40, 2], data["depth"][: len(both[0].time) : 40], atol=1e-9
+    )
+
+
+def test_recorded_bytes_of_the_autopilot_are_read() -> None:
+    import socket
+
+    ours, other = socket.socketpair()
+    with ours, other:
+        commands = AutopilotCommands(ours)
+        other.sendall(np.load(DATA)["mavlink"].tobytes())
+        commands.read()
+        assert "ArduPilot Ready" in commands.texts
+        assert (commands.armed, commands.mode) == (False, 19)
+        other.sendall(b"\xfd\x09nonsense" * 20)
+        commands.read()
+        assert commands.mode == 19
+
+
+def test_a_component_is_not_an_autopilot_without_thrusters() -> None:
+    with pytest.raises(InputInvalid, match="no allocation of 8 thrusters"):
+        with_autopilot(uuv.load("bluerov2_hold").remove("allocation"), "controller")
+    with pytest.raises(InputInvalid, match="no component of the system is ArduSub"):
+        with_binary(uuv.load("bluerov2_hold"), "ardusub")
+
+
+def test_the_interface_needs_no_binary(tmp_path: Path) -> None:
+    described = source("ardusub:", tmp_path).describe()
+    assert described.variables["u"].size == 8
+    assert ArduSub is not None

@@ -1,0 +1,183 @@
+"""A running system as a node of ROS 2, seen by an independent Zenoh session."""
+
+from __future__ import annotations
+
+import json
+import socket
+import struct
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import pytest
+import zenoh
+from zenoh import ext
+
+import uuvsim_cosim as uuv
+from uuvsim_cosim.bridge.calls.service import Client
+from uuvsim_cosim.bridge.ros2.node import Ros2Node
+from uuvsim_cosim.bridge.ros2.rmw_zenoh import attachment, gid
+from uuvsim_cosim.bridge.ros2.topic_writer import typestore
+from uuvsim_cosim.bridge.server.conductor import Conductor
+from uuvsim_cosim.bridge.zenoh.bridge import free_port
+from uuvsim_cosim.errors import InputInvalid
+
+ME = Client("me", "local")
+IMU = "sensor_msgs/msg/Imu"
+HASH = "RIHS01_7d9a00ff131080897a5ec7e26e315954b8eae3353c3f995c55faf71574000b5b"  # Imu's, jazzy
+
+
+@pytest.fixture
+def conductor() -> Iterator[Conductor]:
+    with Conductor("bluerov2_survey") as made:
+        yield made
+
+
+@contextmanager
+def ros(port: int) -> Iterator[zenoh.Session]:
+    """Open a session as rmw_zenoh does: a peer that connects to the router of its machine."""
+    config = zenoh.Config()
+    config.insert_json5("mode", '"peer"')
+    config.insert_json5("connect/endpoints", json.dumps([f"tcp/127.0.0.1:{port}"]))
+    config.insert_json5("scouting/multicast/enabled", "false")
+    with zenoh.open(config) as session:
+        yield session
+
+
+def tokens(session: zenoh.Session) -> list[str]:
+    replies = session.liveliness().get("@ros2_lv/**", timeout=5.0)
+    return sorted(str(r.ok.key_expr) for r in replies if r.ok is not None)
+
+
+class Heard:
+    """Samples of a topic; `wait` returns the first."""
+
+    def __init__(self) -> None:
+        self._there, self.samples = threading.Event(), list[zenoh.Sample]()
+
+    def __call__(self, sample: zenoh.Sample) -> None:
+        self.samples.append(sample)
+        self._there.set()
+
+    def wait(self, meanwhile: Callable[[], object]) -> zenoh.Sample:
+        for _ in range(600):
+            meanwhile()
+            if self._there.wait(0.1):
+                return self.samples[0]
+        raise AssertionError("nothing was heard")
+
+
+def test_a_session_finds_the_node_and_its_publishers_by_their_tokens(conductor: Conductor) -> None:
+    with Ros2Node(conductor, port=free_port("127.0.0.1"), domain=7) as node:
+        assert node.is_router
+        with ros(node.port) as session:
+            found = tokens(session)
+    zid = node.node.session
+    assert f"@ros2_lv/7/{zid}/0/0/NN/%/%/bluerov2_survey" in found
+    [imu] = [t for t in found if "imu%data_raw" in t]
+    begin, number, kind, *rest = imu.split("/")[2:3] + imu.split("/")[4:]
+    assert (begin, kind) == (zid, "MP")
+    assert int(number) > 0
+    assert rest == ["%", "%", "bluerov2_survey", "%imu%data_raw",
+                    "sensor_msgs::msg::dds_::Imu_", HASH, "::,:,:,:,,"]  # fmt: skip
+    [static] = [t for t in found if "%tf_static" in t]
+    assert static.endswith("/:1:,1:,:,:,,")
+    assert len(found) == len(node.topics) + 3  # the node, /clock and /tf_static
+    assert len({t.split("/")[4] for t in found}) == len(found)  # each has a number of its own
+
+
+def test_a_subscriber_gets_messages_of_its_type_with_number_time_and_publisher(
+    conductor: Conductor,
+) -> None:
+    store, heard, clock = typestore("jazzy"), Heard(), Heard()
+    with Ros2Node(conductor, port=free_port("127.0.0.1"), domain=0) as node, ros(node.port) as peer:
+        subscribed = [
+            peer.declare_subscriber(f"0/imu/data_raw/sensor_msgs::msg::dds_::Imu_/{HASH}", heard),
+            peer.declare_subscriber("0/clock/**", clock),
+        ]
+        sample = heard.wait(lambda: conductor.step(ME, 10, {}, ()))
+        tick = clock.wait(lambda: conductor.step(ME, 10, {}, ()))
+        [token] = [t for t in tokens(peer) if "imu%data_raw" in t]
+        for one in subscribed:
+            one.undeclare()
+    message = store.deserialize_cdr(sample.payload.to_bytes(), IMU)
+    assert message.header.frame_id == "imu_link"
+    assert message.linear_acceleration.z == pytest.approx(9.8, abs=1.0)
+    assert sample.attachment is not None
+    number, time, length = struct.unpack_from("<qqB", sample.attachment.to_bytes())
+    assert (number, length) == (1, 16)
+    assert time > 1.7e18  # the time of day: ROS measures latency by it
+    assert sample.attachment.to_bytes()[17:] == gid(token)
+    assert store.deserialize_cdr(tick.payload.to_bytes(), "rosgraph_msgs/msg/Clock").clock.sec >= 0
+
+
+def test_a_later_subscriber_gets_the_frames_of_the_sensors(conductor: Conductor) -> None:
+    heard = Heard()
+    with Ros2Node(conductor, port=free_port("127.0.0.1"), domain=0) as node, ros(node.port) as peer:
+        subscribed = ext.declare_advanced_subscriber(
+            peer, "0/tf_static/**", heard, history=ext.HistoryConfig(detect_late_publishers=True)
+        )
+        sample = heard.wait(lambda: None)
+        subscribed.undeclare()
+    message = typestore("jazzy").deserialize_cdr(
+        sample.payload.to_bytes(), "tf2_msgs/msg/TFMessage"
+    )
+    assert "imu_link" in {tf.child_frame_id for tf in message.transforms}
+
+
+def test_two_nodes_share_one_router_and_one_goes_without_the_other(conductor: Conductor) -> None:
+    port = free_port("127.0.0.1")
+    boat = uuv.System("boat", "0.1").add("hull", "model:bluerov2_heavy")
+    with Ros2Node(conductor, port=port, domain=0) as first, Conductor(boat) as other:
+        with Ros2Node(other, port=port, domain=0) as second, ros(port) as session:
+            assert (first.is_router, second.is_router) == (True, False)
+            names = {t.split("/")[8] for t in tokens(session)}
+            assert names == {"bluerov2_survey", "boat"}
+        with ros(port) as session:
+            assert {t.split("/")[8] for t in tokens(session)} == {"bluerov2_survey"}
+
+
+def test_humble_has_no_hashes(conductor: Conductor) -> None:
+    port = free_port("127.0.0.1")
+    with Ros2Node(conductor, "humble", port=port, domain=0), ros(port) as session:
+        found = [t for t in tokens(session) if "/MP/" in t]
+    assert found
+    assert {t.split("/")[11] for t in found} == {"TypeHashNotSupported"}
+
+
+def test_a_reset_keeps_the_publishers(conductor: Conductor) -> None:
+    heard = Heard()
+    with Ros2Node(conductor, port=free_port("127.0.0.1"), domain=0) as node, ros(node.port) as peer:
+        subscribed = peer.declare_subscriber("0/hull/odometry/**", heard)
+        heard.wait(lambda: conductor.step(ME, 10, {}, ()))
+        before = tokens(peer)
+        conductor.reset(ME)
+        n = len(heard.samples)
+        Heard.wait(heard, lambda: conductor.step(ME, 10, {}, ()))
+        assert tokens(peer) == before
+        assert len(heard.samples) >= n
+        subscribed.undeclare()
+
+
+def test_another_program_at_the_routers_port_is_named(conductor: Conductor) -> None:
+    with socket.create_server(("127.0.0.1", 0)) as taken:
+        port = taken.getsockname()[1]
+        with pytest.raises(
+            InputInvalid, match=rf"port {port} of this machine is in use by another"
+        ):
+            Ros2Node(conductor, port=port, domain=0)
+
+
+def test_a_domain_that_is_none_is_refused(
+    conductor: Conductor, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("ROS_DOMAIN_ID", "233")
+    with pytest.raises(InputInvalid, match=r"ROS_DOMAIN_ID '233'; expected a number from 0 to 232"):
+        Ros2Node(conductor, port=free_port("127.0.0.1"))
+
+
+def test_an_attachment_is_what_zenohs_serialisation_makes() -> None:
+    id_ = gid("@ros2_lv/0/a/0/1/MP/%/%/talker/%chatter/x/y/::,:,:,:,,")
+    integers: Any = (ext.Int64(5), ext.Int64(17), [ext.UInt8(b) for b in id_])
+    assert attachment(5, 17, id_) == ext.z_serialize(integers).to_bytes()

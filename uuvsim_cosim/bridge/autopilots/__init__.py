@@ -1,0 +1,1 @@
+"""Autopilots as components: the real ArduSub binary in lockstep with the simulation."""

@@ -1,0 +1,150 @@
+"""MAVLink to an autopilot: commands, pilot input, and aiding by DVL and USBL."""
+
+from __future__ import annotations
+
+import logging
+import math
+import socket
+from collections.abc import Sequence
+from typing import Any, final
+
+from uuvsim_cosim.bridge.autopilots.sitl_process import HOME
+from uuvsim_cosim.errors import InputInvalid
+
+__all__ = ["GUIDED", "AutopilotCommands"]
+
+log = logging.getLogger("uuvsim_cosim.ardusub")
+GUIDED = 4  # ArduSub's number of the mode
+_POSITION_AND_YAW = 0b1001_1111_1000  # bits of the fields that are ignored: velocity, …, yaw rate
+_AND_VELOCITY = 0b1001_1100_0000
+_RADIUS = 6_378_100.0  # m, of ArduPilot's sphere
+_FIXED_3D = 3
+_GPS_IGNORE = 0b11_1000  # velocities, and their accuracy
+
+
+@final
+class AutopilotCommands:
+    """Messages are collected with `send_…` and written by `flush`, before the tick's answer."""
+
+    def __init__(self, connection: socket.socket) -> None:
+        """Speak MAVLink 2 over a `connection`; raises InputInvalid without pymavlink."""
+        try:
+            from pymavlink.dialects.v20 import ardupilotmega
+        except ImportError:
+            raise InputInvalid(
+                "ArduSub", "commands need pymavlink", "`pip install 'uuvsim-cosim[mavlink]'`"
+            ) from None
+        self._dialect = ardupilotmega
+        self._mav = ardupilotmega.MAVLink(None, srcSystem=255, srcComponent=190)
+        self._mav.robust_parsing = True
+        self._connection = connection
+        self._bytes = bytearray()
+        self.armed = False
+        self.mode = -1
+        self.texts: list[str] = []  # messages of the autopilot
+
+    def heartbeat(self) -> None:
+        """Send that a ground station is there."""
+        d = self._dialect
+        self._add(d.MAVLink_heartbeat_message(d.MAV_TYPE_GCS, d.MAV_AUTOPILOT_INVALID, 0, 0, 4, 3))
+
+    def no_streams(self) -> None:
+        """Stop the messages that the autopilot sends regularly, except its heartbeat."""
+        self._add(self._dialect.MAVLink_request_data_stream_message(1, 1, 0, 0, 0))
+
+    def arm(self, armed: bool) -> None:
+        """Arm or disarm."""
+        self._command(self._dialect.MAV_CMD_COMPONENT_ARM_DISARM, float(armed))
+
+    def change_mode(self, mode: int) -> None:
+        """Change the mode, by ArduSub's number."""
+        self._command(self._dialect.MAV_CMD_DO_SET_MODE, 1.0, float(mode))
+
+    def manual(self, axes: Sequence[float]) -> None:
+        """Send a pilot's axes: surge, sway, heave (down), roll, pitch, yaw, each from -1 to 1."""
+        x, y, z, s, t, r = (round(1000 * max(-1.0, min(1.0, a))) for a in axes)
+        extensions = 0b11  # pitch and roll are given
+        self._add(
+            self._dialect.MAVLink_manual_control_message(
+                1, x, y, 500 - z // 2, r, 0, 0, extensions, t, s, 0, 0, 0, 0, 0, 0
+            )
+        )
+
+    def position(
+        self, time: float, eta_d: Sequence[float], nu_d: Sequence[float] | None = None
+    ) -> None:
+        """Send a desired position N, E, D [m] and yaw [rad].
+
+        With a velocity `nu_d` of the desired pose, in its own level axes, the pose is a target that
+        moves. ArduSub follows it; without a velocity, it plans a path to the position and stops.
+        """
+        n, e, d, _, _, psi = eta_d
+        u, v, w = (0.0, 0.0, 0.0) if nu_d is None else nu_d[:3]
+        north, east = u * math.cos(psi) - v * math.sin(psi), u * math.sin(psi) + v * math.cos(psi)
+        self._add(
+            self._dialect.MAVLink_set_position_target_local_ned_message(
+                round(1e3 * time) % 2**32, 1, 1, self._dialect.MAV_FRAME_LOCAL_NED,
+                _POSITION_AND_YAW if nu_d is None else _AND_VELOCITY,
+                n, e, d, north, east, w, 0, 0, 0, psi, 0,
+            )
+        )  # fmt: skip
+
+    def moved(
+        self, time: float, period: float, turned: Sequence[float], moved: Sequence[float]
+    ) -> None:
+        """Send how far the vehicle turned [rad] and moved [m], in b, in a `period` [s] (DVL)."""
+        self._add(
+            self._dialect.MAVLink_vision_position_delta_message(
+                round(1e6 * time), round(1e6 * period), list(turned), list(moved), 100.0
+            )
+        )
+
+    def fix(self, time: float, position: Sequence[float], sigma: float) -> None:
+        """Send a position N, E, D [m] with its standard deviation [m] as a GPS's (USBL)."""
+        n, e, d = position
+        latitude = HOME[0] + math.degrees(n / _RADIUS)
+        longitude = HOME[1] + math.degrees(e / _RADIUS / math.cos(math.radians(HOME[0])))
+        self._add(
+            self._dialect.MAVLink_gps_input_message(
+                round(1e6 * time), 0, _GPS_IGNORE, round(1e3 * time), 2300,
+                _FIXED_3D, round(1e7 * latitude), round(1e7 * longitude), -d, 1.0, 1.0, 0, 0, 0,
+                0.0, sigma, 2.0 * sigma, 12, 0,
+            )
+        )  # fmt: skip
+
+    def flush(self) -> None:
+        """Write the collected messages."""
+        if self._bytes:
+            self._connection.settimeout(1.0)
+            self._connection.sendall(self._bytes)
+            self._bytes.clear()
+
+    def read(self) -> None:
+        """Read all messages that the autopilot has sent."""
+        self._connection.setblocking(False)
+        try:
+            while data := self._connection.recv(65_536):
+                for message in self._mav.parse_buffer(data) or ():
+                    self._note(message)
+        except BlockingIOError:
+            pass
+
+    # ---- inside ---------------------------------------------------------------------------
+
+    def _note(self, message: Any) -> None:
+        kind = message.get_type()
+        if kind == "HEARTBEAT" and message.get_srcComponent() == 1:
+            self.armed = bool(message.base_mode & self._dialect.MAV_MODE_FLAG_SAFETY_ARMED)
+            self.mode = int(message.custom_mode)
+        elif kind == "STATUSTEXT":
+            self.texts.append(message.text)
+            log.info("ArduSub: %s", message.text)
+        elif kind == "COMMAND_ACK" and message.result != 0:
+            log.warning("ArduSub refused command %d (result %d)", message.command, message.result)
+
+    def _command(self, command: int, *values: float) -> None:
+        padded = [*values, *[0.0] * (7 - len(values))]
+        self._add(self._dialect.MAVLink_command_long_message(1, 1, command, 0, *padded))
+
+    def _add(self, message: Any) -> None:
+        self._bytes += message.pack(self._mav)

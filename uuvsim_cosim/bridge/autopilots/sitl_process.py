@@ -1,0 +1,127 @@
+"""The process of an ArduSub binary, which starts in an empty folder and ends with its run."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import shutil
+import signal
+import socket
+import subprocess
+import tempfile
+import time
+from pathlib import Path
+from typing import final
+
+from uuvsim_cosim.bridge.autopilots.json_interface import AutopilotLost
+from uuvsim_cosim.errors import InputInvalid
+from uuvsim_cosim.models.declaration.near_names import did_you_mean
+
+__all__ = ["HOME", "SitlProcess", "ardusub_binary"]
+
+MAVLINK_PORT = 5760  # TCP, of instance 0; each further instance has 10 more
+HOME = (47.3, -122.5)  # degrees N and E of the origin of n; its altitude is 0
+_NAMES = {b"ArduCopter V": "ArduCopter", b"ArduPlane V": "ArduPlane", b"ArduRover V": "ArduRover"}
+_OBTAIN = (
+    "ArduSub's simulation binary: `git clone --recurse-submodules "
+    "https://github.com/ArduPilot/ardupilot`, there `./waf configure --board sitl` and `./waf "
+    "sub`, then --ardusub build/sitl/bin/ardusub, or this folder in the PATH"
+)
+_GRACE = 2.0  # s to end after a request
+
+
+def ardusub_binary(path: str) -> Path:
+    """Return ArduSub's binary at a `path`, or that in the PATH if it is empty.
+
+    Raises InputInvalid if there is none, or if it is another vehicle's.
+    """
+    found = Path(path).expanduser() if path else Path(shutil.which("ardusub") or "ardusub")
+    if not found.is_file():
+        files = [p.name for p in found.parent.iterdir()] if path and found.parent.is_dir() else []
+        place = f"{found}" if path else "ardusub in the PATH"
+        raise InputInvalid(place, f"no such file{did_you_mean(found.name, files)}", _OBTAIN)
+    data = found.read_bytes()
+    if b"ArduSub V" not in data:
+        others = [name for text, name in _NAMES.items() if text in data]
+        raise InputInvalid(found, f"is {others[0] if others else 'no ArduSub'}", _OBTAIN)
+    if not os.access(found, os.X_OK):
+        raise InputInvalid(found, "may not be executed", f"`chmod +x {found}`")
+    return found.absolute()
+
+
+@final
+class SitlProcess:
+    """A running binary, its folder, and the connection to its first serial port (MAVLink)."""
+
+    def __init__(
+        self, binary: Path, instance: int, folder: str, defaults: str, files: list[Path],
+        timeout: float,
+    ) -> None:  # fmt: skip
+        """Start the binary with the parameters `defaults`, then those in `files`.
+
+        With no `folder`, it runs in a temporary one, which is removed at the end. `timeout` [s] is
+        the longest wait for its serial port. Raises InputInvalid, or AutopilotLost if it ends.
+        """
+        self._keeps = bool(folder)
+        self.folder = Path(folder).expanduser().absolute() if folder else Path(
+            tempfile.mkdtemp(prefix="uuvsim-ardusub-")
+        )  # fmt: skip
+        if self.folder.exists() and any(self.folder.iterdir()):
+            raise InputInvalid(self.folder, "is not empty", "an empty or a new folder for ArduSub")
+        self.folder.mkdir(parents=True, exist_ok=True)
+        (self.folder / "vehicle.parm").write_text(defaults)
+        own = ["vehicle.parm", *map(str, files)]
+        # A process that is killed cannot end its autopilot; the kernel does.
+        bound = ["setpriv", "--pdeathsig", "KILL"] if shutil.which("setpriv") else []
+        with (self.folder / "output.txt").open("wb") as output:
+            self._process = subprocess.Popen(
+                [*bound, str(binary), "-S", "-w", "--model", "JSON:127.0.0.1", "--speedup", "1000",
+                 "--slave", "0", f"-I{instance}", "--home", f"{HOME[0]},{HOME[1]},0,0",
+                 "--defaults", ",".join(("@ROMFS/default_params/sub.parm", *own))],
+                cwd=self.folder, stdin=subprocess.DEVNULL, stdout=output,
+                stderr=subprocess.STDOUT, start_new_session=True,
+            )  # fmt: skip
+        try:
+            self.serial = self._connected(MAVLINK_PORT + 10 * instance, timeout)
+        except BaseException:
+            self.close()
+            raise
+
+    def check(self) -> None:
+        """Raise AutopilotLost if the process has ended."""
+        status = self._process.poll()
+        if status is None:
+            return
+        lines = (self.folder / "output.txt").read_text(errors="replace").strip().splitlines()
+        how = f"by signal {-status}" if status < 0 else f"with status {status}"
+        last = f"; its last line is {lines[-1]!r}" if lines else ""
+        raise AutopilotLost("the ArduSub binary", f"ended {how}{last}", "it to run until the end")
+
+    def close(self) -> None:
+        """End the process and remove a temporary folder; a second call does nothing."""
+        if hasattr(self, "serial"):
+            self.serial.close()
+        for number in (signal.SIGTERM, signal.SIGKILL):
+            with contextlib.suppress(ProcessLookupError, PermissionError):
+                os.killpg(self._process.pid, number)
+            with contextlib.suppress(subprocess.TimeoutExpired):
+                self._process.wait(_GRACE)
+                break
+        if not self._keeps:
+            shutil.rmtree(self.folder, ignore_errors=True)
+
+    def _connected(self, port: int, timeout: float) -> socket.socket:
+        """Connect to the serial port; the binary waits for that before it begins."""
+        start = time.monotonic()
+        while True:
+            with contextlib.suppress(OSError):
+                connection = socket.create_connection(("127.0.0.1", port), timeout)
+                connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+                return connection
+            self.check()
+            if time.monotonic() - start > timeout:
+                raise AutopilotLost(
+                    "the ArduSub binary", f"no connection at TCP port {port} for {timeout:g} s",
+                    "its first serial port to listen there",
+                )  # fmt: skip
+            time.sleep(0.02)

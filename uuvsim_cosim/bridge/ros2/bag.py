@@ -1,0 +1,150 @@
+"""A recording as rosbag2 (MCAP), with the topics, types and frames that ROS expects."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+
+from uuvsim_cosim.bridge.ros2.frames import Array
+from uuvsim_cosim.bridge.ros2.topic_writer import (
+    TRANSFORMS,
+    TopicWriter,
+    mounted,
+    parameters_of,
+    typestore,
+)
+from uuvsim_cosim.bridge.ros2.topics import Topic, Variable, read_topics, topics_of
+from uuvsim_cosim.errors import InputInvalid, RecordingError, UuvsimError
+from uuvsim_cosim.notebook_bar import Progress
+from uuvsim_cosim.orchestrator.recording.recording_reader import read_signals
+
+if TYPE_CHECKING:
+    from rosbags.interfaces import Qos
+    from rosbags.typesys.store import Typestore
+
+    from uuvsim_cosim.orchestrator.recording.signals import Signals
+
+__all__ = ["recorded_topics", "write_bag"]
+
+
+def write_bag(
+    run: Path | str,
+    target: Path,
+    topics: Path | None = None,
+    distribution: str = "jazzy",
+    progress: Progress | None = None,
+) -> tuple[list[Topic], list[str]]:
+    """Write a recording as rosbag2; return its topics and what was assumed or left out.
+
+    A `target` that ends with ``.mcap`` is one file, any other a new folder with the file and its
+    ``metadata.yaml``. `topics` is a file of topics; without it, they follow from the signals. Time
+    0 of the run is time 0 of the bag. Sensors have a message for each sample, at the sample's time.
+    Raises InputInvalid without rosbags, if the target exists, and for mistakes in `topics`.
+    """
+    store = typestore(distribution)
+    signals = read_signals(run)
+    variables, left = _variables(signals)
+    chosen = topics_of(variables) if topics is None else read_topics(topics, variables)
+    parameters, notes = _parameters(Path(run), {topic.component for topic in chosen})
+    notes += [f"{name}: a text has no topic" for name in left] if topics is None else []
+    static = mounted(store, chosen, parameters)
+    writers = [TopicWriter(topic, store, parameters) for topic in chosen]
+    if target.exists():
+        raise InputInvalid(target, "exists", "a name that does not exist yet")
+    try:
+        with TemporaryDirectory(dir=target.absolute().parent, prefix=f".{target.name}-") as folder:
+            bag = Path(folder) / target.stem
+            version: Literal[8, 9] = 8 if distribution == "humble" else 9
+            _write(bag, version, store, writers, static, signals, progress)
+            shutil.move(bag / f"{bag.name}.mcap" if target.suffix == ".mcap" else bag, target)
+    except OSError as error:
+        raise RecordingError(
+            target, f"cannot be written ({error.strerror or error})", "a folder that can be written"
+        ) from error
+    notes += [f"{writer.topic.name}: no message" for writer in writers if not writer.count]
+    return chosen, notes
+
+
+def recorded_topics(run: Path | str) -> list[Topic]:
+    """Return the topics that follow from the signals of a recording."""
+    return topics_of(_variables(read_signals(run))[0])
+
+
+def _write(
+    bag: Path,
+    version: Literal[8, 9],
+    store: Typestore,
+    writers: list[TopicWriter],
+    static: Array,
+    signals: Signals,
+    progress: Progress | None,
+) -> None:
+    from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
+
+    out = Writer(bag, version=version, storage_plugin=StoragePlugin.MCAP)
+    out.set_compression(CompressionMode.STORAGE, CompressionFormat.ZSTD)
+    with out:
+        connections = {  # vehicles share /tf
+            (name, type_): out.add_connection(name, type_, typestore=store)
+            for name, type_ in dict.fromkeys((w.topic.name, w.topic.type) for w in writers)
+        }
+        if len(static):
+            latched = out.add_connection("/tf_static", TRANSFORMS, typestore=store,
+                                        offered_qos_profiles=[_latched()])  # fmt: skip
+            out.write(latched, 0, static.tobytes())  # time 0: before all others
+        for block in signals.blocks(progress):
+            times, owners, messages = [], [], []
+            for writer in writers:
+                stamps, rows = writer.messages(block)
+                times.append(stamps)
+                owners += [(writer.topic.name, writer.topic.type)] * len(rows)
+                messages += list(rows)
+            at = np.concatenate(times)
+            for i in np.argsort(at, kind="stable"):
+                out.write(connections[owners[i]], int(at[i]), messages[i].tobytes())
+
+
+def _latched() -> Qos:
+    """Return the QoS of /tf_static: a reader that comes later gets the last message."""
+    from rosbags.interfaces import (
+        Qos,
+        QosDurability,
+        QosHistory,
+        QosLiveliness,
+        QosReliability,
+        QosTime,
+    )
+
+    forever = QosTime(2147483647, 4294967295)
+    return Qos(QosHistory.KEEP_LAST, 1, QosReliability.RELIABLE, QosDurability.TRANSIENT_LOCAL,
+               forever, forever, QosLiveliness.AUTOMATIC, forever,
+               avoid_ros_namespace_conventions=False)  # fmt: skip
+
+
+def _variables(signals: Signals) -> tuple[dict[str, Variable], list[str]]:
+    """Return the kind and size of each signal of numbers, and the names of the others."""
+    first = next(signals.blocks(), signals)
+    kinds = {
+        name: Variable(v.dtype.kind, v.shape[1] if v.ndim > 1 else 0) for name, v in first.items()
+    }
+    texts = [name for name, v in kinds.items() if v.kind == "O"]
+    return {name: v for name, v in kinds.items() if v.kind != "O"}, texts
+
+
+def _parameters(run: Path, components: set[str]) -> tuple[dict[str, dict[str, Array]], list[str]]:
+    """Return the parameters of components, from the system beside the recording, and notes."""
+    file = (run if run.is_dir() else run.parent) / "system.ssd"
+    if not file.is_file():
+        return {}, ["no system.ssd beside the recording: covariances and limits of sensors are 0"]
+    from uuvsim_cosim.orchestrator.plan.flatten import flatten
+    from uuvsim_cosim.orchestrator.running.library import load
+
+    try:
+        plan = flatten(load(file).with_mismatches("warn"), loops="delay")
+    except (UuvsimError, OSError) as error:
+        return {}, [f"{file}: cannot be read ({error}): covariances and limits of sensors are 0"]
+    return parameters_of(plan, components), []

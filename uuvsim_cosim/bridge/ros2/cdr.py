@@ -1,0 +1,118 @@
+"""CDR of ROS 2 messages whose texts and lengths do not change: rows of bytes, written by NumPy.
+
+A message type is a tree of fields. Once the texts and the lengths of its sequences are known, each
+number has a fixed place in the message (CDR 1, little-endian: aligned to its own size, counted
+from the end of the header 00 01 00 00). So n messages are one array of bytes (n, size), into which
+columns of numbers are copied.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from uuvsim_cosim.bridge.ros2.frames import Array
+from uuvsim_cosim.errors import InputInvalid
+
+if TYPE_CHECKING:
+    from rosbags.typesys.store import Typestore
+
+__all__ = ["MessageLayout"]
+
+HEADER = b"\x00\x01\x00\x00"
+_OTHER = {"bool": "u1", "byte": "u1", "octet": "u1", "char": "u1"}
+
+
+class MessageLayout:
+    """Places of the numbers in a message of one type.
+
+    `texts` are its strings by the path of the field, such as ``header.frame_id``; fields that are
+    not given are empty. `lengths` are those of its sequences; others are empty. A field of equal
+    numbers one after the other, such as a ``geometry_msgs/msg/Vector3``, has a place of its own.
+    """
+
+    def __init__(
+        self, store: Typestore, type_: str, texts: Mapping[str, str], lengths: Mapping[str, int]
+    ) -> None:
+        """Lay a message out; raises InputInvalid for a type that the store does not have."""
+        if type_ not in store.fielddefs:
+            raise InputInvalid(f"message type {type_!r}", "a type of the distribution's packages")
+        self.type = type_
+        self._store, self._texts, self._lengths = store, texts, lengths
+        self._data = bytearray()
+        self._places: dict[str, tuple[int, np.dtype[Any], int]] = {}  # offset, type, count
+        self._message(type_, "")
+        self._template = np.frombuffer(HEADER + bytes(self._data), np.uint8)
+
+    @property
+    def fields(self) -> frozenset[str]:
+        """Paths of the numbers."""
+        return frozenset(self._places)
+
+    def count(self, path: str) -> int:
+        """Return how many numbers a field has."""
+        return self._places[path][2]
+
+    def rows(self, n: int, columns: Mapping[str, Array]) -> Array:
+        """Return n messages (n, size) uint8; `columns` are (n,), (n, k) or one value for all.
+
+        Raises InputInvalid for a field that is not in the message, or has another length.
+        """
+        out = np.tile(self._template, (n, 1))
+        for path, values in columns.items():
+            if path not in self._places:
+                raise InputInvalid(f"{self.type}: no number {path!r}", ", ".join(self._places))
+            offset, dtype, count = self._places[path]
+            given = np.broadcast_to(np.reshape(values, (len(values), -1)), (n, count))
+            packed = np.ascontiguousarray(given, dtype).view(np.uint8)
+            begin = len(HEADER) + offset
+            out[:, begin : begin + packed.shape[1]] = packed
+        return out
+
+    def _message(self, type_: str, path: str) -> None:
+        begin = {}
+        for field, node in self._store.fielddefs[type_][1]:
+            at = f"{path}.{field}" if path else field
+            self._field(node, at)
+            begin[at] = self._places.get(at)
+        places = [place for place in begin.values() if place is not None and place[2] == 1]
+        if path and len(places) == len(begin):
+            (offset, dtype, _), *rest = places
+            if all(p[:2] == (offset + dtype.itemsize * (i + 1), dtype) for i, p in enumerate(rest)):
+                self._places[path] = (offset, dtype, len(places))
+
+    def _field(self, node: Any, path: str) -> None:
+        kind, detail = node
+        if kind.name == "NAME":
+            self._message(detail, path)
+        elif kind.name == "BASE":
+            self._base(detail[0], path, 1)
+        else:
+            element, count = detail
+            if kind.name == "SEQUENCE":
+                count = self._lengths.get(path, 0)
+                self._put(np.array([count], "<u4"))
+            if element[0].name == "BASE" and element[1][0] != "string":
+                if count:
+                    self._base(element[1][0], path, count)
+            else:
+                for i in range(count):
+                    self._field(element, f"{path}.{i}")
+
+    def _base(self, name: str, path: str, count: int) -> None:
+        if name == "string":
+            text = np.frombuffer(self._texts.get(path, "").encode() + b"\0", np.uint8)
+            self._put(np.array([len(text)], "<u4"))
+            self._put(text)
+            return
+        dtype = np.dtype(_OTHER.get(name, name)).newbyteorder("<")
+        self._places[path] = (self._put(np.zeros(count, dtype)), dtype, count)
+
+    def _put(self, values: Array) -> int:
+        """Append values at the next multiple of their size; return where they begin."""
+        self._data.extend(bytes(-len(self._data) % values.itemsize))
+        at = len(self._data)
+        self._data.extend(values.tobytes())
+        return at

@@ -1,0 +1,1 @@
+"""Commands for editors: `uuvsim lint`, and the workspace that `uuvsim new --workspace` writes."""

@@ -1,0 +1,455 @@
+"""Observations, rewards and ends that a task declares as CasADi expressions, compiled.
+
+The method `expressions` of a task gets the symbols of one environment and returns its results. The
+compiled function evaluates all results of all environments in one call. Its operations are those of
+`fmus/runtime/math`, in the order of the expressions, so its bits are the same for every number of
+environments and on every machine.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from functools import lru_cache
+from types import FunctionType
+from typing import TYPE_CHECKING, Any, final
+from weakref import WeakKeyDictionary
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uuvsim_cosim.envs.task.signals import Instant, Signals, resolved
+from uuvsim_cosim.errors import InputInvalid, ToolchainError
+from uuvsim_cosim.orchestrator.plan.flatten import flatten
+from uuvsim_cosim.orchestrator.values.values import Misfit
+
+if TYPE_CHECKING:
+    from uuvsim_cosim.envs.task.task import Moment, Task, TeamTask
+
+__all__ = [
+    "Evaluated",
+    "Given",
+    "Logical",
+    "Results",
+    "Symbols",
+    "declared_methods",
+    "evaluated_of",
+    "results_of",
+    "sin_cos",
+    "split_action",
+]
+
+Array = NDArray[np.float64]
+Results = Mapping[str, Any]  # arrays, or mappings of arrays, by name
+Key = tuple[str, str]  # "now", "before", "action", "start" or "step", and a name
+METHODS = frozenset({"extra", "info", "observe", "reward", "terminated"})
+# Methods that do not change the results of the methods above.
+OTHERS = frozenset(
+    {"at", "made_of", "path", "start", "state", "state_limits", "symmetries", "view"}
+)  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Logical:
+    """Expression `value` whose result is True or False, for an info; others are numbers.
+
+    Example:
+
+    >>> import casadi as ca
+    >>> from uuvsim_cosim.envs import Logical
+    >>> depth = ca.SX.sym("depth")
+    >>> {"info": {"depth": depth, "deep": Logical(depth > 10.0)}}["info"]["deep"].value
+    SX((10<depth))
+    """
+
+    value: Any
+
+
+@final
+class Symbols:
+    """Symbols of one environment at the end of an action, for the method `expressions` of a task.
+
+    The attributes are those of a `Moment`, without the axis of environments: `m["hull.eta"]` is a
+    CasADi column of 6 symbols, and a matrix has the shape of the variable. InputInvalid is raised
+    for a name that the `task` does not read. An environment makes it, with the task's `signals`.
+
+    Example:
+
+    >>> import casadi as ca
+    >>> import numpy as np
+    >>> from uuvsim_cosim.envs import Channel, CosimEnv, Task
+    >>> import uuvsim_cosim as uuv
+    >>> class Dive(Task):  # reach a depth of 12 m
+    ...     def expressions(self, m):
+    ...         depth, before = m["hull.eta"][2], m.before["hull.eta"][2]
+    ...         effort = ca.sumsqr(m.action["agent"])
+    ...         return {"reward": ca.fabs(before - 12.0) - ca.fabs(depth - 12.0) - 0.01 * effort,
+    ...                 "terminated": depth > 15.0,
+    ...                 "info": {"time": m.time, "current": m.start["current.speed"]}}
+    ...     def start(self, draws):
+    ...         return {"current.speed": draws.uniform("current", 0.0, 0.3)}  # m/s
+    >>> heave, depth = Channel("allocation.tau_d[3]", -100, 100, "N"), Channel("hull.eta[3]", 0, 20)
+    >>> task = Dive(uuv.load("bluerov2_task"), actions=[heave], observations=[depth],
+    ...             action_step="0.1", horizon=20)
+    >>> env = CosimEnv(task)
+    >>> _ = env.reset(seed=0)
+    >>> _, reward, terminated, _, info = env.step(np.array([0.5]))
+    >>> reward > -0.01, terminated, float(info["time"]), sorted(info)
+    (True, False, 0.1, ['current', 'time'])
+    """
+
+    def __init__(self, task: Task | TeamTask, signals: Signals) -> None:
+        self._task, self._signals = task, signals
+        self._when = "now"
+        self._made: dict[Key, Any] = {}
+        self._before: Symbols | None = None
+        self._columns: Mapping[str, slice] | None = None
+
+    @property
+    def step(self) -> Any:
+        """The number of actions since the reset."""
+        return self._symbol(("step", ""), ())
+
+    @property
+    def time(self) -> Any:
+        """The seconds since the reset."""
+        seconds = self._task.action_step
+        return self.step * seconds.numerator / seconds.denominator
+
+    @property
+    def action(self) -> Mapping[str, Any]:
+        """The action that led here, by agent, a column of numbers in [-1, 1]; 0 after a reset."""
+        return _ByName(self._action)
+
+    @property
+    def start(self) -> Mapping[str, Any]:
+        """The start values that the episode drew, by variable."""
+        return _ByName(self._start)
+
+    @property
+    def before(self) -> Symbols:
+        """The moment when the action began; its action and step are not available."""
+        if self._before is None:
+            if self._when == "before":
+                raise InputInvalid("expressions, before.before", "one action back")
+            self._before = Symbols(self._task, self._signals)
+            self._before._when, self._before._made = "before", self._made
+        return self._before
+
+    def __getitem__(self, name: str) -> Any:
+        """Return the symbols of a signal, in the variable's own unit."""
+        shape = self._signals.shape(name)
+        return self._symbol((self._when, name), shape)
+
+    def _action(self, agent: str) -> Any:
+        if self._columns is not None:
+            if agent not in self._columns:
+                raise InputInvalid(f"action of {agent!r}", f"one of {', '.join(self._columns)}")
+            return self._action_of("agent")[self._columns[agent]]
+        return self._action_of(agent)
+
+    def _action_of(self, agent: str) -> Any:
+        width = _width(self._signals.plan, self._task, agent)
+        return self._symbol(("action", agent), (width,))
+
+    def _start(self, name: str) -> Any:
+        try:
+            shape = resolved(self._signals.plan, name).variable.shape
+        except Misfit as misfit:
+            raise InputInvalid(str(misfit.at(f"start value {name!r}"))) from None
+        return self._symbol(("start", name), shape)
+
+    def _symbol(self, key: Key, shape: tuple[int, ...]) -> Any:
+        import casadi as ca
+
+        if len(shape) > 2:
+            raise InputInvalid(f"expressions, {key[1]!r}", f"of shape {shape}", "a row or a matrix")
+        if self._when == "before" and key[0] in ("action", "step"):
+            raise InputInvalid(f"expressions, before.{key[0]}", "it of the present moment only")
+        if key not in self._made:
+            self._made[key] = ca.SX.sym(".".join(key), int(np.prod(shape, dtype=int)))
+        flat = self._made[key]
+        return flat if len(shape) < 2 else ca.reshape(flat, shape[1], shape[0]).T
+
+
+def split_action(m: Symbols, columns: Mapping[str, slice]) -> Symbols:
+    """Return the same moment with the action "agent" split by agent of a team."""
+    other = Symbols(m._task, m._signals)
+    other._made, other._columns = m._made, columns
+    return other
+
+
+class _ByName(Mapping[str, Any]):
+    """A mapping of names that are not known in advance."""
+
+    def __init__(self, make: Callable[[str], Any]) -> None:
+        self._make = make
+
+    def __getitem__(self, name: str) -> Any:
+        return self._make(name)
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(())
+
+    def __len__(self) -> int:
+        return 0
+
+
+def _width(plan: Any, task: Any, agent: str) -> int:
+    """Return the width of an agent's action; a task of one agent has the agent "agent"."""
+    several = isinstance(task.actions, Mapping)
+    if several and agent not in task.actions:
+        raise InputInvalid(f"action of {agent!r}", f"one of {', '.join(task.actions)}")
+    channels = task.actions[agent] if several else task.actions
+    return sum(len(resolved(plan, c.name).elements) for c in channels)
+
+
+@final
+class Evaluated:
+    """The compiled function of a task's expressions: `of` returns its results at a moment."""
+
+    def __init__(self, task: Task | TeamTask, place: str, declared: Results, made: Any) -> None:
+        import casadi as ca
+
+        self._place = place
+        self.keys = tuple(declared)
+        self._leaves: list[tuple[tuple[str, ...], int, int, bool]] = []
+        columns: list[Any] = []
+        self._collect((), declared, columns)
+        results = ca.vertcat(*columns) if columns else ca.SX(0, 1)
+        self._n_out = results.numel()
+        used = {s.name() for s in ca.symvar(results)}
+        symbols: list[Any] = []
+        self._sources: list[tuple[Key, slice, NDArray[np.int64]]] = []
+        self._n_in = 0
+        for key, flat in sorted(made.items()):  # so those of a moment follow each other
+            elements = [i for i in range(flat.numel()) if flat[i].name() in used]
+            if elements:
+                symbols.append(flat[elements])
+                where = slice(self._n_in, self._n_in + len(elements))
+                self._sources.append((key, where, np.array(elements, np.int64)))
+                self._n_in = where.stop
+        self._outside = [s for s in self._sources if s[0][0] not in ("before", "now")]
+        f = ca.Function(
+            "evaluate", [ca.vertcat(*symbols) if symbols else ca.SX(0, 1)],
+            [ca.densify(results)], {"cse": True, "allow_free": True},
+        )  # fmt: skip
+        if f.has_free():
+            raise InputInvalid(place, f"free symbols {f.get_free()}", "symbols of m alone")
+        self._c = _compiled(f, self._n_in, self._n_out)
+        self._rows: tuple[Signals | None, list[Any]] = (None, [])
+        self._last: tuple[Moment | None, Results] = (None, {})
+
+    def of(self, m: Moment) -> Results:
+        """Return the results at a moment, with the keys of the expressions: (n,) or (n, k)."""
+        last, results = self._last
+        if last is m:
+            return results
+        n = m.n
+        table = np.empty((2, self._n_in), np.int64)
+        address, stride = table
+        sources, kept = self._sources, []  # the arrays must live until they were read
+        if isinstance(m, Instant):
+            sources = self._outside
+            for when, where, rows in self._inside(m.signals):
+                values = (m if when == "now" else m.before).values
+                kept.append(values)
+                np.multiply(rows, values.strides[0], out=address[where])
+                address[where] += _address(values)
+                stride[where] = values.strides[1]
+        for key, where, elements in sources:
+            values = self._read(m, key).reshape(n, -1)
+            kept.append(values)
+            address[where] = elements * values.strides[1] + _address(values)
+            stride[where] = values.strides[0]
+        out = np.empty((self._n_out, n))
+        first = _address(table)
+        self._c(first, first + table.strides[0], _address(out), n)
+        results = self._results(out)
+        self._last = m, results
+        return results
+
+    def _inside(self, signals: Signals) -> list[tuple[str, slice, NDArray[np.int64]]]:
+        """Return the places of arguments that are in the values of an instant, and their rows."""
+        known, found = self._rows
+        if signals is not known:
+            found = []
+            for when in ("before", "now"):
+                own = [(k, w, e) for k, w, e in self._sources if k[0] == when]
+                if own:
+                    rows = [signals.rows(resolved(signals.plan, k[1]))[e] for k, _, e in own]
+                    where = slice(own[0][1].start, own[-1][1].stop)
+                    found.append((when, where, np.concatenate(rows).astype(np.int64)))
+            self._rows = signals, found
+        return found
+
+    @staticmethod
+    def _read(m: Moment, key: Key) -> Array:
+        kind, name = key
+        if kind == "step":
+            return np.asarray(m.step, float)
+        if kind == "action":
+            given = m.action
+            found: Any = given[name]
+        else:
+            found = {"now": m, "before": m.before, "start": m.start}[kind][name]  # type: ignore[index]
+        return np.asarray(found, float)
+
+    def _collect(self, path: tuple[str, ...], declared: Any, columns: list[Any]) -> None:
+        import casadi as ca
+
+        if isinstance(declared, Mapping):
+            for name, value in declared.items():
+                self._collect((*path, name), value, columns)
+            return
+        is_mask = path[0] == "terminated" or isinstance(declared, Logical)
+        try:
+            value = ca.SX(declared.value if isinstance(declared, Logical) else declared)
+        except (NotImplementedError, TypeError):
+            read = f"{'.'.join(path)}: {declared!r}"
+            raise InputInvalid(self._place, read, "a CasADi expression (SX) or a number") from None
+        flat = ca.vec(value.T)
+        is_row = path[0] in ("extra", "observe") or flat.numel() != 1
+        first = sum(c.numel() for c in columns)
+        columns.append(flat)
+        self._leaves.append((path, first, flat.numel() if is_row else 0, is_mask))
+
+    def _results(self, out: Array) -> Results:
+        results: dict[str, Any] = {}
+        for path, first, size, is_mask in self._leaves:
+            into = results
+            for name in path[:-1]:
+                into = into.setdefault(name, {})
+            value: Any = out[first : first + size].T if size else out[first]
+            into[path[-1]] = value != 0.0 if is_mask else value
+        return results
+
+
+def _address(array: NDArray[Any]) -> int:
+    address: int = array.__array_interface__["data"][0]
+    return address
+
+
+def _compiled(f: Any, n_in: int, n_out: int) -> Callable[..., None]:
+    """Compile a function of one column into one on arrays (fmus/kernels/uuv_lane_arrays.h)."""
+    import ctypes
+
+    from uuvsim_cosim.fmus.codegen.emit_c import emit_function
+    from uuvsim_cosim.fmus.codegen.toolchain import load_library
+    from uuvsim_cosim.kernels.codegen.program import compiled, processor_flags
+
+    called = sorted({g.name() for g in f.find_functions()})
+    if called:
+        raise InputInvalid("expressions", f"calls of {', '.join(called)}", "no called functions")
+    text = "\n".join(
+        [
+            "/* Generated from the expressions of a task: do not edit. */",
+            '#include "uuv_math.h"',
+            f"enum {{ N_IN = {n_in}, N_OUT = {n_out} }};",
+            emit_function(f, "evaluate(const V *b, V *out)", ("b", "out")),
+            '#include "uuv_lane_arrays.h"',
+            "",
+        ]
+    )
+    path = compiled("expressions", text, ("-DUUV_W=8", "-Wno-psabi", *processor_flags(False)))
+    pointer = ctypes.c_void_p
+    signature = (None, [pointer, pointer, pointer, ctypes.c_int64])
+    c = load_library(path, {"uuv_evaluate": signature})
+    function: Callable[..., None] = c.uuv_evaluate
+    return function
+
+
+_evaluated: WeakKeyDictionary[Any, Evaluated | None] = WeakKeyDictionary()
+
+
+def evaluated_of(task: Task | TeamTask) -> Evaluated | None:
+    """Return the compiled expressions of a task, or None if it declares none."""
+    if task not in _evaluated:
+        signals = Signals(flatten(task.system), _names(task))
+        m = Symbols(task, signals)
+        place = f"task {type(task).__name__}, expressions()"
+        declared = task.expressions(m)
+        if declared is not None and not isinstance(declared, Mapping):
+            raise InputInvalid(place, f"{declared!r}", "expressions by name")
+        for name in declared or {}:
+            if name not in METHODS:
+                raise InputInvalid(place, f"{name!r}", f"some of {', '.join(sorted(METHODS))}")
+        _evaluated[task] = None if declared is None else Evaluated(task, place, declared, m._made)
+    return _evaluated[task]
+
+
+@final
+class Given:
+    """Results of the methods of a task: those of its compiled expressions, else of the method."""
+
+    def __init__(self, task: Task | TeamTask) -> None:
+        self._task = task
+        methods = declared_methods(task)
+        self._evaluated = evaluated_of(task) if methods else None
+        keys = () if self._evaluated is None else self._evaluated.keys
+        self._declared = methods.intersection(keys)
+
+    def __call__(self, method: str, m: Moment) -> Any:
+        """Return the result of a method at a moment."""
+        if self._evaluated is not None and method in self._declared:
+            return self._evaluated.of(m)[method]
+        return getattr(self._task, method)(m)
+
+
+def results_of(task: Any, m: Moment, name: str) -> Any:
+    """Return the compiled result of a method of a task at a moment, or None if it has none.
+
+    A subclass that overrides the method, or a method that its result may depend on, without
+    overriding `expressions`, has none.
+    """
+    evaluated = evaluated_of(task) if name in declared_methods(task) else None
+    return None if evaluated is None else evaluated.of(m).get(name)
+
+
+def declared_methods(task: Task | TeamTask) -> frozenset[str]:
+    """Return the methods whose results the expressions of a task may give."""
+    overridden = METHODS.intersection(vars(task))
+    for owner in type(task).__mro__:
+        own = {
+            name
+            for name, value in vars(owner).items()
+            if isinstance(value, FunctionType | property) and not name.startswith("__")
+        }
+        if "expressions" in own:
+            break
+        overridden |= own
+    else:
+        return frozenset()
+    others = {name for name in overridden - METHODS - OTHERS if hasattr(owner, name)}
+    return frozenset() if others else METHODS - overridden
+
+
+@lru_cache(maxsize=1)
+def _sin_cos() -> Callable[..., None] | None:
+    import casadi as ca
+
+    x = ca.SX.sym("x")
+    try:
+        return _compiled(ca.Function("evaluate", [x], [ca.vertcat(ca.sin(x), ca.cos(x))]), 1, 2)
+    except ToolchainError:
+        return None
+
+
+def sin_cos(angles: Array) -> tuple[Array, Array]:
+    """Return sine and cosine with the bits of compiled expressions; NumPy's without a compiler.
+
+    NumPy's own differ between versions and processors.
+    """
+    function = _sin_cos()
+    if function is None:
+        return np.sin(angles), np.cos(angles)
+    flat = np.ascontiguousarray(angles, float).reshape(-1)
+    places = np.array([_address(flat), flat.itemsize], np.int64)
+    out = np.empty((2, len(flat)))
+    function(_address(places), _address(places) + 8, _address(out), len(flat))
+    return out[0].reshape(angles.shape), out[1].reshape(angles.shape)
+
+
+def _names(task: Any) -> list[str]:
+    channels = () if isinstance(task.actions, Mapping) else task.observations
+    return [*(c.name for c in channels), *task.signals]

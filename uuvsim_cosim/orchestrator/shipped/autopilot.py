@@ -1,0 +1,114 @@
+"""Systems in which an autopilot replaces controller and allocation, and `bluerov2_ardusub`."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from fractions import Fraction
+
+from uuvsim_cosim.errors import InputInvalid
+from uuvsim_cosim.orchestrator.system.system import System
+
+__all__ = ["ARDUSUB", "bluerov2_ardusub", "is_ardusub", "with_autopilot", "with_binary"]
+
+ARDUSUB = "ardusub:"
+LOOP = Fraction(1, 400)  # s, step of ArduSub's loop
+_MEASURED = {  # outputs of sensors, by component, and inputs of the autopilot
+    "dvl": {"velocity": "dvl_velocity", "valid": "dvl_valid", "t_sample": "dvl_t_sample"},
+    "usbl": {"position": "usbl_position", "sigma": "usbl_sigma", "valid": "usbl_valid",
+             "t_sample": "usbl_t_sample"},
+    "altimeter": {"altitude": "altitude"},
+    "battery": {"voltage": "voltage"},
+    "wrench": {"current_total": "current"},
+}  # fmt: skip
+
+
+def is_ardusub(source: object) -> bool:
+    """Return whether a source is ArduSub: ``ardusub`` or ``ardusub:?option=value``."""
+    return source == "ardusub" or (isinstance(source, str) and source.startswith(ARDUSUB))
+
+
+def with_autopilot(system: System, name: str, source: str = ARDUSUB) -> System:
+    """Return a system in which the autopilot `source` is the component `name`.
+
+    It replaces the component `name` (a controller, or an allocation) and the allocation that feeds
+    the thrusters, and gets the true state of the hull, the readings of sensors that are there, and
+    the desired pose and velocity that the component `name` had. The base step becomes 2.5 ms if it
+    is longer. Raises InputInvalid if the system has no such component, hull or allocation of 8
+    thrusters.
+
+    Example:
+
+    >>> import uuvsim_cosim as uuv
+    >>> from uuvsim_cosim.orchestrator.shipped.autopilot import with_autopilot
+    >>> system = with_autopilot(uuv.load("bluerov2_hold"), "controller")
+    >>> "allocation" in system.components, system.components["controller"].source
+    (False, 'ardusub:')
+    """
+    known = system.components
+    if name not in known:
+        raise InputInvalid(f"--replace {name}=ardusub", "no such component",
+                           f"one of {', '.join(known)}")  # fmt: skip
+    wires = system.checked.wires
+    hull = next((c for c in known if {"eta", "q", "nu", "nu_dot"} <= _outputs(system, c)), None)
+    driven = [w for w in wires if (w.source.variable.name, w.target.variable.name) == ("u", "u")]
+    allocations = {w.source.element for w in driven}
+    ends = [(i, t) for w in driven for i, t in zip(w.source.elements, w.target.texts(),
+                                                   strict=True)]  # fmt: skip
+    if hull is None or len(allocations) != 1 or len(ends) != 8:
+        raise InputInvalid(
+            f"--replace {name}=ardusub",
+            "the system has no hull, or no allocation of 8 thrusters",
+            "a system of one BlueROV2 Heavy, such as bluerov2_hold or bluerov2_survey",
+        )
+    wanted = [
+        (w.connection.source, w.target.variable.name)
+        for w in wires
+        if w.target.element == name and w.target.variable.name in ("eta_d", "nu_d")
+    ]
+    for gone in {name, *allocations}:
+        system = system.remove(gone)
+    system = replace(system, tick=min(system.tick, LOOP)).add(name, source)
+    for signal in ("eta", "q", "nu", "nu_dot"):
+        system = system.connect(f"{hull}.{signal}", f"{name}.{signal}")
+    for i, target in ends:
+        system = system.connect(f"{name}.u[{i + 1}]", target)
+    for sensor, readings in _MEASURED.items():
+        if sensor in system.components:
+            for output, input_ in readings.items():
+                system = system.connect(f"{sensor}.{output}", f"{name}.{input_}")
+    for output, target in wanted:
+        system = system.connect(output, f"{name}.{target}")
+    return system.set(f"{name}.arm", True).set(f"{name}.mode", 4)
+
+
+def with_binary(system: System, path: str) -> System:
+    """Return the system with ArduSub's binary at `path`; raises InputInvalid without ArduSub."""
+    flown = [n for n, c in system.components.items() if is_ardusub(c.source)]
+    if not flown:
+        raise InputInvalid(f"--ardusub {path}", "no component of the system is ArduSub",
+                           "--replace controller=ardusub as well")  # fmt: skip
+    for name in flown:
+        source = str(system.components[name].source)
+        if "binary=" not in source:
+            mark = "&" if "?" in source else "?"
+            system = system.replace(name, f"{source}{mark}binary={path}")
+    return system
+
+
+def bluerov2_ardusub(survey: System) -> System:
+    """Return the survey's vehicle with ArduSub on board: it dives to 5 m in mode guided.
+
+    ArduSub replaces navigation, guidance, controller and allocation. The start is 1 m deep.
+    """
+    system = with_autopilot(survey, "controller")
+    for gone in ("navigation", "guidance", "current"):
+        system = system.remove(gone)
+    system = replace(
+        system, name="bluerov2_ardusub", stop_time=60.0,
+        description="A BlueROV2 Heavy with the autopilot ArduSub on board dives to 5 m",
+    )  # fmt: skip
+    return system.set("controller.eta_d", (0.0, 0.0, 5.0, 0.0, 0.0, 0.0))
+
+
+def _outputs(system: System, component: str) -> set[str]:
+    return {v.name for v in system.describe(component).of("output")}
