@@ -16,6 +16,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 from typing import Any, NoReturn, final
 from urllib.parse import parse_qsl, urlencode
@@ -36,6 +37,7 @@ from uuvsim_cosim.fmus.description import (
     VariableType,
 )
 from uuvsim_cosim.models.declaration.near_names import expected_names
+from uuvsim_cosim.orchestrator.master.slot_row import SlotRow
 from uuvsim_cosim.orchestrator.system.sources import Backend
 
 __all__ = ["ArduSub", "ArduSubSource", "source", "thruster_commands"]
@@ -130,6 +132,9 @@ def _described() -> Description:
 
 
 _DESCRIPTION = _described()
+_INPUTS, _OUTPUTS = (SlotRow(_DESCRIPTION.of(causality)) for causality in ("input", "output"))
+# Inputs that are sent in every step come first; the others are those of commands and of aiding.
+_N_STATE = _INPUTS.places["altitude"].stop
 _OPTIONS = {
     "binary": "", "instance": "auto", "timeout": "10", "folder": "", "parameters": "",
     "navigation": "gps",
@@ -204,6 +209,7 @@ def thruster_commands(widths: Sequence[int]) -> np.ndarray:
     return np.array([_command(-1.0, w) + 0.0 for w in widths[:8]])
 
 
+@cache
 def _command(sign: float, width: int) -> float:
     """Map 1100 to 1900 µs to -1 to 1; no pulses (0 µs) are no command."""
     return sign * max(-1.0, min(1.0, (width - 1500) / 400.0)) if width else 0.0
@@ -225,15 +231,37 @@ class ArduSub:
 
     def get(self, variable: Variable) -> Any:
         """Read a value; a copy."""
-        value = self._values[variable.name]
-        return value.copy() if isinstance(value, np.ndarray) else value
+        if variable.causality == "parameter":
+            return self._parameters[variable.name]
+        row, numbers = (
+            (_INPUTS, self._inputs) if variable.causality == "input" else
+            (_OUTPUTS, _OUTPUTS.unpack(self._row))
+        )  # fmt: skip
+        found = numbers[row.places[variable.name]]
+        if variable.shape:
+            return np.array(found)
+        return bool(found[0]) if variable.type == "Boolean" else found[0]
 
     def set(self, variable: Variable, value: Any) -> None:
         """Set an input or a parameter."""
-        if variable.causality not in ("input", "parameter"):
+        if variable.causality == "parameter":
+            self._parameters[variable.name] = float(value)
+        elif variable.causality == "input":
+            numbers = list(self._inputs)
+            new = np.asarray(value, float).ravel().tolist() if variable.shape else [value]
+            numbers[_INPUTS.places[variable.name]] = new
+            self._inputs = tuple(numbers)
+        else:
             raise FmuError(f"{self.path}.{variable.name}", f"is {variable.causality}",
                            "an input or a parameter")  # fmt: skip
-        self._values[variable.name] = np.array(value, float) if variable.shape else value
+
+    def set_row(self, row: bytes) -> None:
+        """Set all inputs; see `ExchangesRows`."""
+        self._inputs = _INPUTS.unpack(row)
+
+    def get_row(self) -> bytes:
+        """Read all outputs."""
+        return self._row
 
     # ---- life -----------------------------------------------------------------------------
 
@@ -247,8 +275,9 @@ class ArduSub:
         It calibrates its depth sensor at the surface; then it is lowered to the start, straight
         down and without rotation, and rests there.
         """
-        if not 0.0 <= self._values["warm_up"] <= 3600.0:
-            raise FmuError(f"{self.path}.warm_up", f"{self._values['warm_up']} s", "0 to 3600 s")
+        warm_up = self._parameters["warm_up"]
+        if not 0.0 <= warm_up <= 3600.0:
+            raise FmuError(f"{self.path}.warm_up", f"{warm_up} s", "0 to 3600 s")
         try:
             self._link = self._bound()
             self._process = SitlProcess(
@@ -259,7 +288,7 @@ class ArduSub:
             )  # fmt: skip
             self._commands = AutopilotCommands(self._process.serial)
             packet = self._link.exchange(b"", self._process.check)
-            for k in range(round(self._values["warm_up"] * RATE)):
+            for k in range(round(warm_up * RATE)):
                 packet = self._tick(k / RATE, None)
                 self._warm = (k + 1) / RATE
         except UuvsimError as error:
@@ -282,10 +311,10 @@ class ArduSub:
         self.terminate()
         self._time = self._start = self._warm = 0.0
         self._sent: dict[str, Any] = {}  # commands, and times of messages
-        self._values: dict[str, Any] = {
-            v.name: np.array(v.start) if v.shape else v.start
-            for v in self.description.variables.values()
-        }
+        # No message is due until this time, while these inputs stay the same.
+        self._quiet: tuple[float, tuple[float, ...]] = (-math.inf, ())
+        self._parameters = {v.name: float(v.start) for v in _DESCRIPTION.of("parameter")}
+        self._inputs, self._row = _INPUTS.start, _OUTPUTS.pack(_OUTPUTS.start)
 
     def terminate(self) -> None:
         """End the binary."""
@@ -362,112 +391,123 @@ class ArduSub:
         assert self._link is not None
         assert self._process is not None
         self._send(timestamp, t)
-        v = self._values
-        eta, q, nu, nu_dot = v["eta"], v["q"], v["nu"], v["nu_dot"]
-        n, e, d, *attitude = eta.tolist()
-        R = _rotation(q)
+        (
+            n, e, d, phi, theta, psi, *q, u1, u2, u3, p, q_, r, a1, a2, a3, _, _, _,
+            voltage, current, altitude,
+        ) = self._inputs[:_N_STATE]  # fmt: skip
+        R, g = _rotation(q), self._parameters["g"]
         if t is None:
             p = q_ = r = 0.0
-            d, w, w_dot = _lowered(d, timestamp / v["warm_up"], v["warm_up"])
-            velocity, down = [0.0, 0.0, w], w_dot - v["g"]
+            warm_up = self._parameters["warm_up"]
+            d, w, w_dot = _lowered(d, timestamp / warm_up, warm_up)
+            velocity, down = [0.0, 0.0, w], w_dot - g
             acc = [down * a for a in R[2]]
         else:
-            u1, u2, u3, p, q_, r = nu.tolist()
-            a1, a2, a3 = nu_dot[:3].tolist()
             velocity = [row[0] * u1 + row[1] * u2 + row[2] * u3 for row in R]
             acc = [
-                a1 + q_ * u3 - r * u2 - v["g"] * R[2][0],
-                a2 + r * u1 - p * u3 - v["g"] * R[2][1],
-                a3 + p * u2 - q_ * u1 - v["g"] * R[2][2],
+                a1 + q_ * u3 - r * u2 - g * R[2][0],
+                a2 + r * u1 - p * u3 - g * R[2][1],
+                a3 + p * u2 - q_ * u1 - g * R[2][2],
             ]
         line = state_line(
-            timestamp, (p, q_, r), acc, (n, e, d), attitude, q, velocity, v["altitude"],
-            v["voltage"], v["current"],
+            timestamp, (p, q_, r), acc, (n, e, d), (phi, theta, psi), q, velocity, altitude,
+            voltage, current,
         )  # fmt: skip
         packet = self._link.exchange(line, self._process.check)
-        self._commands.read()
+        if self._commands.read():
+            self._quiet = (-math.inf, ())  # its mode may have changed
         return packet
 
     def _send(self, timestamp: float, t: float | None) -> None:
         """Write the MAVLink messages that are due."""
-        v, sent, commands = self._values, self._sent, self._commands
+        x, sent, commands = self._inputs, self._sent, self._commands
+        until, inputs = self._quiet
+        if timestamp < until and x[_N_STATE:] == inputs:
+            return
+        self._until = math.inf
         if self._due("heartbeat", timestamp, _HEARTBEAT):
             commands.heartbeat()
         if self._due("no_streams", timestamp, _STREAMS):
             commands.no_streams()  # reading them takes longer than a step
         if t is not None:
-            for name, now, command in (
-                ("mode", commands.mode, commands.change_mode), ("arm", commands.armed, commands.arm)
-            ):  # fmt: skip
-                if sent.get(name, False) != v[name]:
-                    sent[name], sent[f"{name}_open"] = v[name], True
+            mode, arm = int(self._input("mode")[0]), bool(self._input("arm")[0])
+            for name, wish, now, command in (
+                ("mode", mode, commands.mode, commands.change_mode),
+                ("arm", arm, commands.armed, commands.arm),
+            ):
+                if sent.get(name, False) != wish:
+                    sent[name], sent[f"{name}_open"] = wish, True
                     sent.pop(f"{name}_at", None)
-                if sent.get(f"{name}_open") and now == v[name]:
+                if sent.get(f"{name}_open") and now == wish:
                     # Not sent again from here on: a fail-safe of the autopilot may change it.
                     sent[f"{name}_open"] = False
                 if sent.get(f"{name}_open") and self._due(f"{name}_at", timestamp, _AGAIN):
                     sent.pop("eta_d", None)
-                    command(v[name])
+                    command(wish)
             if self._due("manual", timestamp, _PILOT):
-                commands.manual(v["manual"].tolist())
-            wanted, moves = v["eta_d"].tolist(), bool(v["nu_d"].any()) or "moves" in sent
+                commands.manual(self._input("manual"))
+            wanted, nu_d = self._input("eta_d"), self._input("nu_d")
+            moves = any(nu_d) or "moves" in sent
             # For a waypoint, ArduSub plans a new path at each message: only changes are sent. A
             # target that moves is sent regularly, with its velocity, also when it has stopped.
             if (
-                v["mode"] == GUIDED
+                mode == GUIDED
                 and (moves or sent.get("eta_d") != wanted)
-                and self._due("eta_d_at", timestamp, v["setpoint_period"])
+                and self._due("eta_d_at", timestamp, self._parameters["setpoint_period"])
             ):
                 sent["eta_d"] = wanted
                 if moves:
                     sent["moves"] = True
-                commands.position(timestamp, wanted, v["nu_d"].tolist() if moves else None)
+                commands.position(timestamp, wanted, nu_d if moves else None)
         if self._is_aided:
             self._send_aiding(timestamp, t)
         commands.flush()
+        if t is not None:
+            self._quiet = (self._until, x[_N_STATE:])
 
     def _send_aiding(self, timestamp: float, t: float | None) -> None:
         """Send readings of DVL and USBL that are new; at rest before the start, the first pose."""
-        v, sent = self._values, self._sent
+        sent, of = self._sent, self._input
         if t is None:
             if self._due("usbl", timestamp, 0.2):
-                n, e, d = v["eta"][:3].tolist()
-                d = _lowered(d, timestamp / v["warm_up"], v["warm_up"])[0]
+                n, e, d = of("eta")[:3]
+                warm_up = self._parameters["warm_up"]
+                d = _lowered(d, timestamp / warm_up, warm_up)[0]
                 self._commands.fix(timestamp, (n, e, d), 0.5)
             return
-        if v["usbl_valid"] and sent.get("usbl_t") != v["usbl_t_sample"]:
-            sent["usbl_t"] = v["usbl_t_sample"]
-            sigma = float(np.linalg.norm(v["usbl_sigma"][:2]))
-            self._commands.fix(timestamp, v["usbl_position"].tolist(), sigma)
-        if v["dvl_valid"] and sent.get("dvl_t", -1.0) != v["dvl_t_sample"]:
-            R = np.array(_rotation(v["q"]))
-            before, period = sent.get("dvl_R"), v["dvl_t_sample"] - sent.get("dvl_t", -1.0)
+        (t_usbl,), (t_dvl,) = of("usbl_t_sample"), of("dvl_t_sample")
+        if of("usbl_valid")[0] and sent.get("usbl_t") != t_usbl:
+            sent["usbl_t"] = t_usbl
+            self._commands.fix(timestamp, of("usbl_position"), math.hypot(*of("usbl_sigma")[:2]))
+        if of("dvl_valid")[0] and sent.get("dvl_t", -1.0) != t_dvl:
+            R = np.array(_rotation(of("q")))
+            before, period = sent.get("dvl_R"), t_dvl - sent.get("dvl_t", -1.0)
             if before is not None and 0.0 < period < 1.0:
                 S = before.T @ R  # small rotation between the readings
                 turned = (S[2, 1] - S[1, 2]) / 2, (S[0, 2] - S[2, 0]) / 2, (S[1, 0] - S[0, 1]) / 2
-                moved = (v["dvl_velocity"] * period).tolist()
+                moved = [velocity * period for velocity in of("dvl_velocity")]
                 self._commands.moved(timestamp, period, [float(x) for x in turned], moved)
-            sent["dvl_t"], sent["dvl_R"] = v["dvl_t_sample"], R
+            sent["dvl_t"], sent["dvl_R"] = t_dvl, R
+
+    def _input(self, name: str) -> tuple[float, ...]:
+        return self._inputs[_INPUTS.places[name]]
 
     def _due(self, name: str, timestamp: float, period: float) -> bool:
         """Return whether a message is due again, and note it."""
-        if timestamp - self._sent.get(name, -math.inf) < period - 1e-9:
-            return False
-        self._sent[name] = timestamp
-        return True
+        sent = self._sent.get(name, -math.inf)
+        if is_due := timestamp - sent >= period - 1e-9:
+            self._sent[name] = sent = timestamp
+        self._until = min(self._until, sent + period - 2e-9)
+        return is_due
 
     def _set_outputs(self, packet: ServoPacket) -> None:
         w = packet.widths
-        self._values |= {
-            "u": thruster_commands(w),
-            "lights": (_command(1.0, w[8]) + 1.0) / 2.0 if w[8] else 0.0,
-            "gripper": _command(1.0, w[9]),
-            "tilt": _command(1.0, w[10]),
-            "pwm": np.array(w[:16], float),
-            "armed": self._commands.armed,
-            "mode_now": self._commands.mode,
-            "frame": float(packet.frame),
-        }
+        self._row = _OUTPUTS.pack((
+            *[_command(-1.0, width) + 0.0 for width in w[:8]],
+            (_command(1.0, w[8]) + 1.0) / 2.0 if w[8] else 0.0,  # lights
+            _command(1.0, w[9]), _command(1.0, w[10]),  # gripper, tilt
+            *w[:16], packet.frame, self._commands.mode, self._commands.armed,
+        ))  # fmt: skip
 
     def _failed(self, error: UuvsimError) -> ComponentFailed:
         self.terminate()
@@ -488,9 +528,9 @@ def _lowered(depth: float, share: float, warm_up: float) -> tuple[float, float, 
     )
 
 
-def _rotation(q: ArrayLike) -> list[list[float]]:
+def _rotation(q: Sequence[float]) -> list[list[float]]:
     """Return R from b to n of a unit quaternion."""
-    w, x, y, z = np.asarray(q).tolist()
+    w, x, y, z = q
     return [
         [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
         [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import math
+import select
 import socket
 from collections.abc import Sequence
 from typing import Any, final
@@ -37,7 +38,10 @@ class AutopilotCommands:
         self._dialect = ardupilotmega
         self._mav = ardupilotmega.MAVLink(None, srcSystem=255, srcComponent=190)
         self._mav.robust_parsing = True
+        connection.settimeout(1.0)
         self._connection = connection
+        self._waiting = select.poll()
+        self._waiting.register(connection, select.POLLIN)
         self._bytes = bytearray()
         self.armed = False
         self.mode = -1
@@ -115,19 +119,17 @@ class AutopilotCommands:
     def flush(self) -> None:
         """Write the collected messages."""
         if self._bytes:
-            self._connection.settimeout(1.0)
             self._connection.sendall(self._bytes)
             self._bytes.clear()
 
-    def read(self) -> None:
-        """Read all messages that the autopilot has sent."""
-        self._connection.setblocking(False)
-        try:
-            while data := self._connection.recv(65_536):
-                for message in self._mav.parse_buffer(data) or ():
-                    self._note(message)
-        except BlockingIOError:
-            pass
+    def read(self) -> bool:
+        """Read all messages that the autopilot has sent; return whether there were some."""
+        some = False
+        while self._waiting.poll(0) and (data := self._connection.recv(65_536)):
+            some = True
+            for message in self._mav.parse_buffer(data) or ():
+                self._note(message)
+        return some
 
     # ---- inside ---------------------------------------------------------------------------
 

@@ -9,12 +9,12 @@ packet are little-endian (libraries/SITL/examples/JSON of ArduPilot):
 from __future__ import annotations
 
 import math
+import select
 import socket
 import struct
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
-from typing import final
+from typing import NamedTuple, final
 
 from uuvsim_cosim.errors import InputInvalid, UuvsimError
 
@@ -22,6 +22,8 @@ __all__ = ["AutopilotLost", "JsonLink", "ServoPacket", "read_servo_packet", "sta
 
 PORT = 9002  # of instance 0; each further instance has 10 more
 _CHANNELS = {18458: 16, 29569: 32}
+_HEAD = struct.Struct("<HHI")
+_WHOLE = {40: struct.Struct("<HHI16H"), 72: struct.Struct("<HHI32H")}  # by the number of bytes
 _SLICE = 0.1  # s, between two looks whether the autopilot still runs
 # The autopilot repeats a packet after 1 s without an answer. It may do so at the same moment as
 # the answer arrives, and then sends the next packet at once.
@@ -39,8 +41,7 @@ class AutopilotLost(UuvsimError):
     """An autopilot that ended, is silent, started again, or sends something else."""
 
 
-@dataclass(frozen=True)
-class ServoPacket:
+class ServoPacket(NamedTuple):
     """Outputs of an autopilot at one frame."""
 
     rate: int  # Hz that the autopilot asks for
@@ -61,13 +62,13 @@ def read_servo_packet(data: bytes) -> ServoPacket:
     """
     if len(data) < 8:
         raise InputInvalid("servo packet", f"{len(data)} bytes", "40 or 72 bytes")
-    magic, rate, frame = struct.unpack_from("<HHI", data)
+    magic, rate, frame = _HEAD.unpack_from(data)
     channels = _CHANNELS.get(magic)
     if channels is None:
         raise InputInvalid("servo packet", f"magic {magic}", "18458 or 29569")
     if len(data) != 8 + 2 * channels:
         raise InputInvalid("servo packet", f"{len(data)} bytes", f"{8 + 2 * channels} bytes")
-    return ServoPacket(rate, frame, struct.unpack_from(f"<{channels}H", data, 8))
+    return ServoPacket(rate, frame, _WHOLE[len(data)].unpack(data)[3:])
 
 
 def state_line(
@@ -128,6 +129,13 @@ class JsonLink:
                 f"is used by another program ({error.strerror})",
                 f"a free port, or another instance, as ardusub:?instance={instance + 1}",
             ) from None
+        # One call of the kernel for each wait: with `settimeout` there would be two. The option is
+        # a timeval in the machine's own format.
+        self._socket.setsockopt(
+            socket.SOL_SOCKET, socket.SO_RCVTIMEO, struct.pack("@ll", 0, round(1e6 * _SLICE))
+        )
+        self._waiting = select.poll()
+        self._waiting.register(self._socket, select.POLLIN)
 
     def exchange(self, answer: bytes, alive: Callable[[], None]) -> ServoPacket:
         """Answer the last packet with a line of state, and return the next packet.
@@ -139,11 +147,10 @@ class JsonLink:
             self._drain()
             self._send(answer)
         start, strays = time.monotonic(), 0
-        self._socket.settimeout(_SLICE)
         while True:
             try:
                 data, sender = self._socket.recvfrom(256)
-            except TimeoutError:
+            except BlockingIOError:
                 alive()
                 if time.monotonic() - start > self._timeout:
                     raise AutopilotLost(
@@ -177,7 +184,7 @@ class JsonLink:
             self.counts["invalid"] += 1
             return None
         last = self.last
-        if last is None:
+        if last is None or (packet.frame == last.frame + 1 and sender == self._sender):
             return packet
         if packet.frame == 0 and (last.frame > 0 or sender != self._sender):
             raise AutopilotLost(
@@ -188,8 +195,6 @@ class JsonLink:
         if sender != self._sender or packet.frame < last.frame:
             self.counts["stale"] += 1
             return None
-        if packet.frame == last.frame + 1:
-            return packet
         if packet.frame == last.frame:
             if self._answer and not self._follows():
                 self.counts["repeated"] += 1
@@ -204,29 +209,20 @@ class JsonLink:
 
     def _follows(self) -> bool:
         """Return whether another packet arrives at once, so that no answer was lost."""
-        self._socket.settimeout(_REPEATED)
-        try:
-            self._socket.recvfrom(1, socket.MSG_PEEK)
-        except TimeoutError:
-            return False
-        finally:
-            self._socket.settimeout(_SLICE)
-        return True
+        return bool(self._waiting.poll(1e3 * _REPEATED))
 
     def _drain(self) -> None:
         """Drop packets that were repeated while the simulation paused."""
-        self._socket.setblocking(False)
-        try:
-            for _ in range(_STRAY):
-                data, sender = self._socket.recvfrom(256)
-                self._answer = b""  # nothing to repeat: this frame has no answer yet
-                if self._judged(data, sender) is not None:
-                    raise AutopilotLost(
-                        self._where(), "a servo packet before the answer to the last one",
-                        "lockstep, and no other program that answers the autopilot",
-                    )  # fmt: skip
-        except BlockingIOError:
-            pass
+        for _ in range(_STRAY):
+            if not self._waiting.poll(0):
+                return
+            data, sender = self._socket.recvfrom(256)
+            self._answer = b""  # nothing to repeat: this frame has no answer yet
+            if self._judged(data, sender) is not None:
+                raise AutopilotLost(
+                    self._where(), "a servo packet before the answer to the last one",
+                    "lockstep, and no other program that answers the autopilot",
+                )  # fmt: skip
 
     def _send(self, answer: bytes) -> None:
         assert self._sender is not None  # the first exchange received a packet

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from uuvsim_cosim.fmus.component import Binding, BindingKind, Component
+from uuvsim_cosim.fmus.component import Binding, BindingKind, Component, ExchangesRows
 from uuvsim_cosim.fmus.description import Variable
 from uuvsim_cosim.orchestrator.master.core_library import by_type, decode, encode
 
@@ -53,6 +53,7 @@ class Callbacks:
         self.error: BaseException | None = None
         self.status = ctypes.c_int32()
         self._component = component
+        self._rows = component if isinstance(component, ExchangesRows) else None
         self._inputs = _Row(component.description.of("input"))
         self._outputs = _Row(component.description.of("output", "local"))
         self.do_step = _DO_STEP(self._do_step)
@@ -64,6 +65,7 @@ class Callbacks:
     def serve(self, component: Component) -> None:
         """Call another instance of the same component from now on."""
         self._component = component
+        self._rows = component if isinstance(component, ExchangesRows) else None
         self.forget()
 
     def forget(self) -> None:
@@ -82,6 +84,10 @@ class Callbacks:
     @_keeping_errors
     def _do_step(self, user: int | None, t: float, h: float, slots: int) -> None:
         row = self._inputs
+        if self._rows is not None:
+            self._rows.set_row(ctypes.string_at(slots, row.size))
+            self._component.do_step(t, h)
+            return
         for k, (variable, raw) in enumerate(row.of(slots)):
             bits = raw.tobytes()
             # Setting a value costs more than the comparison. The slot of a text is a pointer, which
@@ -93,6 +99,9 @@ class Callbacks:
 
     @_keeping_errors
     def _get(self, user: int | None, slots: int) -> None:
+        if self._rows is not None:
+            ctypes.memmove(slots, self._rows.get_row(), self._outputs.size)
+            return
         for variable, raw in self._outputs.of(slots):
             encode(variable, self._component.get(variable), raw)
 
@@ -122,6 +131,7 @@ class _Row:
 
     def __init__(self, variables: list[Variable]) -> None:
         self.variables = by_type(variables)
+        self.size = 8 * sum(v.size for v in variables)  # bytes
         self.last: np.ndarray = np.full(len(variables), None, object)
         self._views: dict[int, list[tuple[Variable, np.ndarray]]] = {}
 
