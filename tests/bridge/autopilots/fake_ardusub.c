@@ -3,7 +3,8 @@
    FAKE=fault:N does the fault at frame N: silent, dies, repeats, lost, restarts, short, long, magic,
    early, skips, flood, no_port; FAKE=replay:FILE sends the pulse widths of a file. Without a fault it
    dives to 5 m. It writes what it receives into its folder: received.txt has the lines of state, and
-   before each one the number of MAVLink bytes that were there when the line came. */
+   before each one the number of MAVLink bytes that were there when the line came; serial.bin has
+   those bytes. */
 #include <arpa/inet.h>
 #include <errno.h>
 #include <fcntl.h>
@@ -16,6 +17,7 @@
 
 static const char banner[] = "ArduSub V0.0 (fake)";
 static int serial, out;
+static FILE *bytes_log;
 static struct sockaddr_in physics;
 static uint8_t mode = 19, armed;
 
@@ -42,6 +44,7 @@ static void heartbeat(void) {
 static long listen_to_commands(void) {
     static uint8_t buffer[1 << 16];
     long n = recv(serial, buffer, sizeof buffer, MSG_DONTWAIT);
+    if (n > 0) fwrite(buffer, 1, (size_t)n, bytes_log), fflush(bytes_log);
     for (long i = 0; i + 12 <= n;) {
         if (buffer[i] != 0xfd) { i++; continue; }
         uint8_t payload[256] = {0};
@@ -82,6 +85,8 @@ int main(int argc, char **argv) {
         }
     }
     puts(banner);
+    printf("serial port %d, physics port %d\n", 5760 + 10 * instance, 9002 + 10 * instance);
+    fflush(stdout);
     if (!strcmp(fault, "no_port")) { puts("bind port failed"); return 1; }
     int door = socket(AF_INET, SOCK_STREAM, 0), on = 1;
     setsockopt(door, SOL_SOCKET, SO_REUSEADDR, &on, sizeof on);
@@ -92,6 +97,7 @@ int main(int argc, char **argv) {
     out = socket(AF_INET, SOCK_DGRAM, 0);
     physics = here, physics.sin_port = htons((uint16_t)(9002 + 10 * instance));
     FILE *log = fopen("received.txt", "w");
+    bytes_log = fopen("serial.bin", "wb");
     double depth = 0;
     uint32_t frame = 0;
     for (;; frame++) {

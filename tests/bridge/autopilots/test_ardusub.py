@@ -6,6 +6,7 @@ import json
 import os
 import socket
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -215,17 +216,119 @@ def test_a_snapshot_is_refused_with_the_reason(fake: Path, tmp_path: Path) -> No
     assert not component.description.can_get_and_set_state
 
 
-def test_a_fault_on_a_signal_reaches_the_autopilot(
+def test_two_autopilots_have_ports_ten_apart(
     fake: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    monkeypatch.delenv("FAKE", raising=False)
+    pair = System("pair", "0.0025")
+    for name, instance in (("a", 6), ("b", 7)):
+        options = f"&instance={instance}&folder={tmp_path / name}"
+        pair = pair.add(name, system(fake, options))
+    run(pair, until=0.01, out=tmp_path / "run", backend="native")
+    ports = [(tmp_path / name / "output.txt").read_text().splitlines()[1] for name in "ab"]
+    assert ports == ["serial port 5820, physics port 9062", "serial port 5830, physics port 9072"]
+
+
+def test_a_fault_on_one_vehicle_does_not_reach_the_autopilot_of_another(
+    fake: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.delenv("FAKE", raising=False)
     scenario = tmp_path / "deaf.yaml"
     scenario.write_text(
-        "events:\n- {at: 0.1, signal: 'hull.eta[3]', fault: override, value: 9.0, until: 9}\n"
+        "events:\n- {at: 0.1, signal: 'a.hull.eta[3]', fault: override, value: 9.0, until: 9}\n"
     )
-    monkeypatch.delenv("FAKE", raising=False)
-    signals = run(system(fake), until=3.0, out=tmp_path / "run", backend="native",
+    pair = System("pair", "0.0025").add("a", system(fake)).add("b", system(fake))
+    signals = run(pair, until=3.0, out=tmp_path / "run", backend="native",
                   scenario=scenario).signals()  # fmt: skip
-    np.testing.assert_array_equal(signals["controller.u"][-1, 4:], np.ones(4))  # upwards
+    np.testing.assert_array_equal(signals["a.controller.u"][-1, 4:], np.ones(4))  # upwards
+    assert (signals["b.controller.u"][-1, 4:] < 0.0).all()
+
+
+# Place of each signal from the vehicle in a line of state.
+STATE = {
+    "hull.eta[1]": ("position", 0), "hull.eta[3]": ("position", 2), "hull.eta[6]": ("attitude", 2),
+    "hull.q[2]": ("quaternion", 1), "hull.nu[4]": ("imu", "gyro", 0),
+    "hull.nu_dot[1]": ("imu", "accel_body", 0), "battery.voltage": ("battery", "voltage"),
+    "wrench.current_total": ("battery", "current"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("signal", "fault", "value"),
+    [
+        *((s, "override", 0.5) for s in STATE), ("hull.eta[3]", "bias", 1.0),
+        ("hull.eta[3]", "scale", 2.0), ("hull.eta[3]", "freeze", None),
+        ("hull.eta[3]", "delay", 0.1), ("hull.eta[3]", "drop", 0.5),
+    ],
+)  # fmt: skip
+def test_a_fault_of_any_kind_on_any_signal_of_the_state_reaches_the_autopilot(
+    fake: Path, tmp_path: Path, signal: str, fault: str, value: float | None,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:  # fmt: skip
+    monkeypatch.delenv("FAKE", raising=False)
+    states = []
+    for events in ("[]", f"[{{at: 0.5, signal: '{signal}', fault: {fault}"
+                   + ("" if value is None else f", value: {value}") + "}]"):  # fmt: skip
+        folder, scenario = tmp_path / f"folder{len(states)}", tmp_path / "scenario.yaml"
+        scenario.write_text(f"events: {events}\n")
+        vehicle = with_binary(uuv.load("bluerov2_ardusub"), str(fake)).set("controller.warm_up", 0)
+        source = vehicle.components["controller"].source
+        run(vehicle.replace("controller", f"{source}&folder={folder}"), until=1.0,
+            out=tmp_path / f"run{len(states)}", backend="native", scenario=scenario)  # fmt: skip
+        lines = [x.split(" ", 1) for x in (folder / "received.txt").read_text().splitlines() if x]
+        read: Any = [json.loads(x[1]) for x in lines]
+        for key in STATE[signal]:
+            read = [x[key] for x in read]
+        states.append(np.array(read))
+    true, received = states
+    np.testing.assert_array_equal(true[:200], received[:200])  # before the fault
+    assert not np.array_equal(true[200:], received[200:])
+    if fault == "override":
+        np.testing.assert_array_equal(received[210:], 0.5)
+
+
+def test_faults_of_the_dvl_and_the_usbl_reach_the_autopilot_by_mavlink(
+    fake: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.delenv("FAKE", raising=False)
+    scenario = tmp_path / "scenario.yaml"
+    scenario.write_text(
+        "events:\n- {at: 0, signal: 'dvl.velocity[1]', fault: override, value: 9}\n"
+        "- {at: 2, signal: dvl.valid, fault: override, value: 0}\n"
+        "- {at: 0, signal: 'usbl.position[3]', fault: override, value: 7}\n"
+    )
+    folder = tmp_path / "folder"
+    text = f"ardusub:?navigation=sensors&folder={folder}"
+    vehicle = with_binary(
+        with_autopilot(uuv.load("bluerov2_survey"), "controller", text), str(fake)
+    )
+    run(vehicle.set("controller.warm_up", 0.0), until=4.0, out=tmp_path / "run",
+        backend="native", scenario=scenario)  # fmt: skip
+    mavlink = ardupilotmega.MAVLink(None)
+    messages = mavlink.parse_buffer((folder / "serial.bin").read_bytes())
+    moved = [m for m in messages if m.get_type() == "VISION_POSITION_DELTA"]
+    speeds = [m.position_delta[0] / (1e-6 * m.time_delta_usec) for m in moved]
+    assert speeds[1:] == pytest.approx([9.0] * (len(speeds) - 1))
+    assert len(speeds) > 3
+    assert max(m.time_usec for m in moved) <= 2.1e6  # then the DVL has no bottom track
+    fixes = [m for m in messages if m.get_type() == "GPS_INPUT"]
+    assert fixes[-1].alt == pytest.approx(-7.0)
+
+
+@pytest.mark.parametrize("channel", range(1, 9))
+def test_a_fault_on_a_command_of_the_autopilot_reaches_that_thruster_alone(
+    fake: Path, tmp_path: Path, channel: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.delenv("FAKE", raising=False)
+    scenario = tmp_path / "scenario.yaml"
+    scenario.write_text(
+        f"events:\n- {{at: 0.1, signal: 'controller.u[{channel}]', fault: override, value: 0.7}}\n"
+    )
+    signals = run(system(fake), until=0.5, out=tmp_path / "run", backend="native",
+                  scenario=scenario).signals()  # fmt: skip
+    forced = np.isclose(signals["controller.u"][-1], 0.7)
+    np.testing.assert_array_equal(np.flatnonzero(forced) + 1, [channel])
+    assert abs(signals[f"thruster_{channel}.thrust"][-1]) > 1.0
 
 
 @pytest.mark.parametrize(

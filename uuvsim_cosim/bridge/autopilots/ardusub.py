@@ -14,7 +14,7 @@ ArduSub pushes against the direction e of each.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -227,6 +227,8 @@ class ArduSub:
         self._binary = ardusub_binary(options["binary"])
         self._link: JsonLink | None = None
         self._process: SitlProcess | None = None
+        self._parameters: dict[str, float] = {}
+        self._inputs: tuple[float, ...] = ()
         self.reset()
 
     def get(self, variable: Variable) -> Any:
@@ -431,10 +433,11 @@ class ArduSub:
             commands.no_streams()  # reading them takes longer than a step
         if t is not None:
             mode, arm = int(self._input("mode")[0]), bool(self._input("arm")[0])
-            for name, wish, now, command in (
+            wishes: tuple[tuple[str, int, int, Callable[[Any], None]], ...] = (
                 ("mode", mode, commands.mode, commands.change_mode),
                 ("arm", arm, commands.armed, commands.arm),
-            ):
+            )
+            for name, wish, now, command in wishes:
                 if sent.get(name, False) != wish:
                     sent[name], sent[f"{name}_open"] = wish, True
                     sent.pop(f"{name}_at", None)
@@ -494,7 +497,7 @@ class ArduSub:
 
     def _due(self, name: str, timestamp: float, period: float) -> bool:
         """Return whether a message is due again, and note it."""
-        sent = self._sent.get(name, -math.inf)
+        sent: float = self._sent.get(name, -math.inf)
         if is_due := timestamp - sent >= period - 1e-9:
             self._sent[name] = sent = timestamp
         self._until = min(self._until, sent + period - 2e-9)
