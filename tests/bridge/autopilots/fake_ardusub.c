@@ -1,13 +1,15 @@
 /* Fake autopilot for tests: speaks as ArduSub's SITL does, with a fault of the environment's choice.
 
    FAKE=fault:N does the fault at frame N: silent, dies, repeats, lost, restarts, short, long, magic,
-   early, skips, flood, no_port; FAKE=replay:FILE sends the pulse widths of a file. Without a fault it
+   early, skips, flood, disarms, no_port; FAKE=replay:FILE sends the pulse widths of a file. Without a fault it
    dives to 5 m. It writes what it receives into its folder: received.txt has the lines of state, and
    before each one the number of MAVLink bytes that were there when the line came; serial.bin has
    those bytes. */
 #include <arpa/inet.h>
 #include <errno.h>
 #include <fcntl.h>
+#include <netinet/in.h>
+#include <netinet/tcp.h>
 #include <stdint.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -94,6 +96,7 @@ int main(int argc, char **argv) {
     here.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
     if (bind(door, (struct sockaddr *)&here, sizeof here) || listen(door, 1)) return 2;
     serial = accept(door, NULL, NULL);
+    setsockopt(serial, IPPROTO_TCP, TCP_NODELAY, &on, sizeof on);
     out = socket(AF_INET, SOCK_DGRAM, 0);
     physics = here, physics.sin_port = htons((uint16_t)(9002 + 10 * instance));
     FILE *log = fopen("received.txt", "w");
@@ -133,6 +136,7 @@ int main(int argc, char **argv) {
         const char *p = strstr(line, "\"position\":[");
         double north, east;
         if (!p || sscanf(p, "\"position\":[%lf,%lf,%lf", &north, &east, &depth) != 3) return 4;
+        if (now && !strcmp(fault, "disarms")) armed = 0, heartbeat();
         if (frame % 40 == 0) heartbeat();
     }
 }

@@ -216,6 +216,14 @@ def test_a_snapshot_is_refused_with_the_reason(fake: Path, tmp_path: Path) -> No
     assert not component.description.can_get_and_set_state
 
 
+def test_a_fail_safe_that_disarms_just_after_the_confirmation_is_not_overruled(
+    fake: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    armed = flown(fake, tmp_path / "run", "disarms:5", monkeypatch, until=2.5)["controller.armed"]
+    assert armed.any()
+    assert not armed[-1]
+
+
 def test_two_autopilots_have_ports_ten_apart(
     fake: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -1,6 +1,8 @@
 """Figures with the real ArduSub: ``python -m tests.bridge.autopilots.with_real_binary BINARY``.
 
-``--hours 2`` runs the endurance test instead. The figures of docs/results.md are of this script.
+Instead of all figures, ``--speed 60`` measures the time of a step, three times in 60 s of simulated
+time, beside the fake autopilot. ``--hours 2`` runs the endurance test: memory of both processes and
+lost frames. The figures of docs/results.md are of this script.
 """
 
 from __future__ import annotations
@@ -10,14 +12,18 @@ import os
 import resource
 import tempfile
 import time
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 
 import uuvsim_cosim as uuv
+from tests.bridge.autopilots.conftest import compiled
 from uuvsim_cosim.orchestrator.master.master import Master
+from uuvsim_cosim.orchestrator.master.observer import Chunk, Column
 from uuvsim_cosim.orchestrator.master.prepared import prepare
 from uuvsim_cosim.orchestrator.plan.flatten import flatten
+from uuvsim_cosim.orchestrator.plan.plan import Plan
 from uuvsim_cosim.orchestrator.running.run import run
 from uuvsim_cosim.orchestrator.shipped.autopilot import with_binary
 from uuvsim_cosim.orchestrator.system.system import System
@@ -45,12 +51,18 @@ def main() -> None:
     """Print the figures."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("binary", type=Path)
-    parser.add_argument("--hours", type=float, default=0.0)
+    parser.add_argument("--hours", type=float, default=0.0, help="endurance test instead")
+    parser.add_argument("--speed", type=float, default=0.0, help="seconds; time of a step instead")
     given = parser.parse_args()
     system = with_binary(uuv.load("bluerov2_ardusub"), str(given.binary.absolute()))
     with tempfile.TemporaryDirectory() as name:
         if given.hours:
             endurance(system, given.hours)
+        elif given.speed:
+            fake = with_binary(uuv.load("bluerov2_ardusub"), str(compiled(Path(name) / "ardusub")))
+            for _ in range(3):
+                for what, flown_by in (("ArduSub", system), ("the fake", fake)):
+                    print(f"{what}: {step_time(flown_by, given.speed)}", flush=True)
         else:
             figures(system, Path(name))
 
@@ -92,8 +104,6 @@ def figures(system: System, folder: Path) -> None:
     packets.write_bytes(signals["controller.pwm"].astype("<u2").tobytes())
     os.environ["FAKE"] = f"replay:{packets}"
     fake = folder / "ardusub"
-    from tests.bridge.autopilots.conftest import compiled
-
     compiled(fake)
     replayed = with_binary(uuv.load("bluerov2_ardusub"), str(fake)).set("controller.warm_up", 0.0)
     same, _ = flown(replayed, 59.9, "replay", folder)
@@ -104,28 +114,73 @@ def figures(system: System, folder: Path) -> None:
           f"{len(equal)} signals of the plant and {rows} rows")  # fmt: skip
 
 
+class Frames:
+    """Observer that counts gaps in the frame count, beside the recorded rows."""
+
+    def __init__(self) -> None:
+        self.last, self.gaps, self.rows = -1, 0, 0
+
+    def begin(self, plan: Plan, columns: Sequence[Column]) -> None:
+        """Find the column."""
+        self.column = [c.name for c in columns].index("controller.frame")
+
+    def observe(self, chunk: Chunk) -> None:
+        """Count differences other than 1."""
+        frames = chunk.values(self.column).astype(int)
+        if self.last >= 0:
+            frames = np.insert(frames, 0, self.last)
+        self.gaps += int(np.count_nonzero(np.diff(frames) != 1))
+        self.last, self.rows = int(frames[-1]), self.rows + len(chunk.ticks)
+
+    def end(self) -> None:
+        """Do nothing."""
+
+
+def step_time(system: System, seconds: float) -> str:
+    """Return the times of a step of 2.5 ms, without the start; all outputs are observed."""
+    plan = flatten(system)
+    with Master(plan, prepare(plan, "native"), observers=[Frames()]) as master:
+        master.initialize()
+        master.step(400)
+        wall, own, other = time.monotonic(), time.process_time(), _ardusub()[1]
+        n = round(400 * seconds)
+        master.step(n)
+        wall, own = time.monotonic() - wall, time.process_time() - own
+        other = _ardusub()[1] - other
+    return (
+        f"{1e6 * wall / n:.0f} us a step, {seconds / wall:.1f} x real time; "
+        f"CPU time {1e6 * own / n:.0f} us here, {1e6 * other / n:.0f} us there; "
+        f"load {os.getloadavg()[0]:.1f}"
+    )
+
+
 def endurance(system: System, hours: float) -> None:
     """Run for hours; print lost frames, and the memory of both processes over the time."""
-    seconds = 3600.0 * hours
-    rows: list[tuple[float, float, float]] = []
-
+    seconds, frames = 3600.0 * hours, Frames()
     plan = flatten(system)
-    start = time.monotonic()
-    with Master(plan, prepare(plan, "native")) as master:
+    with Master(plan, prepare(plan, "native"), observers=[frames]) as master:
         master.initialize()
-        part = round(seconds / 20)
-        for k in range(20):
-            master.run_until((k + 1) * part)
-            children = Path(f"/proc/{os.getpid()}/task/{os.getpid()}/children").read_text().split()
-            rows.append((master.time, _memory(os.getpid()), sum(map(_memory, map(int, children)))))
-            print("  {:8.0f} s: {:6.1f} MB here, {:6.1f} MB in ArduSub".format(*rows[-1]),
-                  flush=True)  # fmt: skip
-        frames = master.get("controller", "frame")
-        depth = master.get("hull", "eta")[2]
+        start = time.monotonic()
+        for k in range(21):
+            master.run_until(k * seconds / 20)
+            print(f"  {master.time:8.0f} s: {_memory(os.getpid()):6.1f} MB here, "
+                  f"{_ardusub()[0]:6.1f} MB in ArduSub; frame {frames.last}, {frames.gaps} gaps; "
+                  f"depth {master.get('hull', 'eta')[2]:.3f} m; "
+                  f"{time.monotonic() - start:.0f} s by the clock", flush=True)  # fmt: skip
+        counts = master.components[[c.path for c in plan.components].index("controller")].counts
     wall = time.monotonic() - start
-    steps = (seconds + 45.0) * 400
-    print(f"{hours:g} h in {wall:.0f} s ({seconds / wall:.1f} x real time): {frames:.0f} packets "
-          f"in {steps:.0f} steps, depth {depth:.3f} m at the end")  # fmt: skip
+    print(f"{hours:g} h in {wall:.0f} s ({seconds / wall:.1f} x real time): "
+          f"{frames.rows} states, {frames.gaps} lost frames; "
+          f"packets that were ignored or repeated: {counts}")  # fmt: skip
+
+
+def _ardusub() -> tuple[float, float]:
+    """Return the resident memory [MB] and the CPU time [s] of this process's children."""
+    own = os.getpid()
+    children = Path(f"/proc/{own}/task/{own}/children").read_text().split()
+    stats = [Path(f"/proc/{c}/stat").read_text().rsplit(")", 1)[1].split() for c in children]
+    ticks = sum(int(s[11]) + int(s[12]) for s in stats)
+    return sum(_memory(int(c)) for c in children), ticks / os.sysconf("SC_CLK_TCK")
 
 
 def _memory(process: int) -> float:

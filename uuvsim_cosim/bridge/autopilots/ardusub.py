@@ -330,6 +330,11 @@ class ArduSub:
         """End the binary, if it still runs."""
         self.terminate()
 
+    @property
+    def counts(self) -> dict[str, int]:
+        """Return the numbers of packets that were ignored, by reason, and of repeated answers."""
+        return {} if self._link is None else dict(self._link.counts)
+
     # ---- what it cannot do ----------------------------------------------------------------
 
     def get_fmu_state(self) -> NoReturn:
