@@ -149,7 +149,8 @@ def step_time(system: System, seconds: float) -> str:
         other = _ardusub()[1] - other
     return (
         f"{1e6 * wall / n:.0f} us a step, {seconds / wall:.1f} x real time; "
-        f"CPU time {1e6 * own / n:.0f} us here, {1e6 * other / n:.0f} us there; "
+        f"CPU time {1e6 * own / n:.0f} us here, {1e6 * other / n:.0f} us there, which allows "
+        f"{seconds / (own + other):.1f} x if no other program has the processors; "
         f"load {os.getloadavg()[0]:.1f}"
     )
 
