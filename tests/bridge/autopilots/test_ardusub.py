@@ -274,7 +274,7 @@ def test_a_fault_of_any_kind_on_any_signal_of_the_state_reaches_the_autopilot(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:  # fmt: skip
     monkeypatch.delenv("FAKE", raising=False)
-    states = []
+    states: list[np.ndarray] = []
     for events in ("[]", f"[{{at: 0.5, signal: '{signal}', fault: {fault}"
                    + ("" if value is None else f", value: {value}") + "}]"):  # fmt: skip
         folder, scenario = tmp_path / f"folder{len(states)}", tmp_path / "scenario.yaml"

@@ -19,6 +19,7 @@ import numpy as np
 
 import uuvsim_cosim as uuv
 from tests.bridge.autopilots.conftest import compiled
+from uuvsim_cosim.bridge.autopilots.ardusub import ArduSub
 from uuvsim_cosim.orchestrator.master.master import Master
 from uuvsim_cosim.orchestrator.master.observer import Chunk, Column
 from uuvsim_cosim.orchestrator.master.prepared import prepare
@@ -34,7 +35,7 @@ def flown(system: System, until: float, name: str, folder: Path) -> tuple[uuv.Si
     start, own, other = time.monotonic(), time.process_time(), _children()
     signals = run(system, until=until, out=folder / name, backend="native").signals()
     wall, own = time.monotonic() - start, time.process_time() - own
-    simulated = until + float(system.components["controller"].start.get("warm_up", 45.0))
+    simulated = until + float(str(system.components["controller"].start.get("warm_up", 45.0)))
     other = _children() - other
     return signals, (
         f"{simulated:g} s simulated in {wall:.1f} s: {simulated / wall:.1f} x real time; "
@@ -168,7 +169,7 @@ def endurance(system: System, hours: float) -> None:
                   f"{_ardusub()[0]:6.1f} MB in ArduSub; frame {frames.last}, {frames.gaps} gaps; "
                   f"depth {master.get('hull', 'eta')[2]:.3f} m; "
                   f"{time.monotonic() - start:.0f} s by the clock", flush=True)  # fmt: skip
-        counts = master.components[[c.path for c in plan.components].index("controller")].counts
+        counts = [c.counts for c in master.components if isinstance(c, ArduSub)]
     wall = time.monotonic() - start
     print(f"{hours:g} h in {wall:.0f} s ({seconds / wall:.1f} x real time): "
           f"{frames.rows} states, {frames.gaps} lost frames; "
