@@ -24,6 +24,9 @@ class Table(Protocol):
     def columns(self, numbers: Sequence[int]) -> Sequence[Any]:
         """Return whole columns as Arrow's ChunkedArray."""
 
+    def chunks(self, number: int) -> Iterator[Any]:
+        """Yield Arrow's Array of the next rows of a column."""
+
     def batches(self, most: int) -> Iterator[Any]:
         """Yield Arrow's RecordBatch of the next rows, at most `most` of them."""
 
@@ -89,14 +92,17 @@ class LazyArrays(Mapping[str, np.ndarray]):
         """Become a dictionary of arrays in another process, which may not have the file."""
         return dict, (dict(self),)
 
-    def element(self, name: str, k: int) -> np.ndarray:
-        """Return element `k`, from 0, of a signal, shape (n,); only that column is read."""
-        if name in self._kept:
-            values = self._kept[name]
-            return values[:, k] if values.ndim == 2 else values
-        source = self._sources[name]
-        with self._reading:
-            return self._change(as_array(self._table.columns((source.numbers[k],))[0]))
+    def element_blocks(self, name: str, k: int) -> Iterator[np.ndarray]:
+        """Yield element `k`, from 0, of a signal in blocks of rows; only that column is read."""
+        import pyarrow as pa
+
+        chunks = self._table.chunks(self._sources[name].numbers[k])
+        while True:
+            with self._reading:
+                chunk = next(chunks, None)
+            if chunk is None:
+                return
+            yield self._change(as_array(pa.chunked_array([chunk]), copied=False))
 
     def is_array(self, name: str) -> bool:
         """Return whether a signal is an array, without reading it."""

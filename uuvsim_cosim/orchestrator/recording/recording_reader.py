@@ -157,7 +157,8 @@ def read_signals(run: Path | str) -> Signals:
             elements[name] = tuple(_index(schema.field(i)) for i in numbers)
         units[name] = ", ".join(dict.fromkeys(element_units[name]))
         descriptions[name] = about.get("description", "")
-    time, ticks = (as_array(column) for column in stored.columns((0, 1)))
+    # One column at a time: memory holds it and the array that it becomes.
+    time, ticks = (as_array(stored.columns((number,))[0]) for number in (0, 1))
     metadata = metadata_of(schema) | {"messages": messages}
     values = LazyArrays(stored, sources)
     return Signals(time, ticks, values, units, descriptions, metadata, element_units, elements)
@@ -171,6 +172,9 @@ class _ArrowTable:
 
     def columns(self, numbers: Sequence[int]) -> list[pa.ChunkedArray]:
         return [self.table.column(i) for i in numbers]
+
+    def chunks(self, number: int) -> Iterator[pa.Array]:
+        yield from self.table.column(number).chunks
 
     def batches(self, most: int) -> Iterator[pa.RecordBatch]:
         yield from self.table.to_batches(max_chunksize=most)
@@ -197,6 +201,15 @@ class _ParquetTable:
         except (OSError, ValueError) as error:
             raise self._problem(error) from error
         return [table.column(name) for name in names]
+
+    def chunks(self, number: int) -> Iterator[pa.Array]:
+        name = self.schema.names[number]
+        try:
+            for group in range(self._parquet.num_row_groups):
+                rows = self._parquet.read_row_group(group, columns=[name], use_threads=False)
+                yield from rows.column(name).chunks
+        except (OSError, ValueError) as error:
+            raise self._problem(error) from error
 
     def batches(self, most: int) -> Iterator[pa.RecordBatch]:
         try:

@@ -14,8 +14,9 @@ from functools import cached_property
 
 import numpy as np
 
+from uuvsim_cosim.orchestrator.recording.samples import Array, Samples, blocks
 from uuvsim_cosim.view.plots.page import encoded
-from uuvsim_cosim.view.recorded.traces import Array, Traces
+from uuvsim_cosim.view.recorded.traces import Traces
 
 __all__ = ["MOST_ELEMENTS", "PANEL_BINS", "SIGNAL_BYTES", "Bins", "coded", "signal_bins"]
 
@@ -57,21 +58,29 @@ class Bins:
         middle = (self.edges[:-1, None] + width * np.array([0.25, 0.75])).reshape(-1)
         return np.concatenate([self.edges[:1], middle[1:-1], self.edges[-1:]])
 
-    def of(self, value: Array, run: int = 0) -> Array:
+    def of(self, samples: Samples, run: int = 0) -> Array:
         """Return the column of samples (T,) of a run."""
         if self.exact:
-            return value
+            return np.asarray(samples)
         starts = np.searchsorted(self.times[run], self.edges[:-1], side="left")
-        ends = np.append(starts[1:], len(value))
-        some = np.flatnonzero(ends > starts)
-        column = np.full((len(starts), 2), np.nan)
-        if len(some):
-            begins = starts[some]
-            # Samples before the first interval that has some belong to none.
-            low = np.fmin.reduceat(value, begins)
-            high = np.fmax.reduceat(value, begins)
-            falls = value[ends[some] - 1] < value[begins]
-            column[some] = np.where(falls[:, None], np.c_[high, low], np.c_[low, high])
+        ends = np.append(starts[1:], len(samples))
+        low, high, first, last = np.full((4, len(starts)), np.nan)
+        row = 0
+        # Samples before the first interval that has some belong to none.
+        for block in blocks(samples):
+            begins = np.clip(starts - row, 0, len(block))
+            stops = np.clip(ends - row, 0, len(block))
+            some = np.flatnonzero(stops > begins)
+            if len(some):
+                low[some] = np.fmin(low[some], np.fmin.reduceat(block, begins[some]))
+                high[some] = np.fmax(high[some], np.fmax.reduceat(block, begins[some]))
+                begun = some[starts[some] >= row]
+                first[begun] = block[begins[begun]]
+                last[some] = block[stops[some] - 1]
+            row += len(block)
+        falls = last < first
+        column: Array = np.empty((len(starts), 2))
+        column[:, 0], column[:, 1] = np.where(falls, high, low), np.where(falls, low, high)
         return column.reshape(-1)
 
 
