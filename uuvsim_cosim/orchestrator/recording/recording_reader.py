@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from uuvsim_cosim.errors import RecordingError
-from uuvsim_cosim.orchestrator.recording.columns import LazyArrays, Source, Table, as_array
+from uuvsim_cosim.orchestrator.recording.columns import LazyArrays, Source, Table, column
 from uuvsim_cosim.orchestrator.recording.mcap import read_mcap
 from uuvsim_cosim.orchestrator.recording.signals import Signals
 
@@ -157,8 +157,7 @@ def read_signals(run: Path | str) -> Signals:
             elements[name] = tuple(_index(schema.field(i)) for i in numbers)
         units[name] = ", ".join(dict.fromkeys(element_units[name]))
         descriptions[name] = about.get("description", "")
-    # One column at a time: memory holds it and the array that it becomes.
-    time, ticks = (as_array(stored.columns((number,))[0]) for number in (0, 1))
+    time, ticks = column(stored, 0), column(stored, 1)
     metadata = metadata_of(schema) | {"messages": messages}
     values = LazyArrays(stored, sources)
     return Signals(time, ticks, values, units, descriptions, metadata, element_units, elements)
@@ -170,8 +169,9 @@ class _ArrowTable:
 
     table: pa.Table
 
-    def columns(self, numbers: Sequence[int]) -> list[pa.ChunkedArray]:
-        return [self.table.column(i) for i in numbers]
+    @property
+    def rows(self) -> int:
+        return int(self.table.num_rows)
 
     def chunks(self, number: int) -> Iterator[pa.Array]:
         yield from self.table.column(number).chunks
@@ -193,19 +193,15 @@ class _ParquetTable:
         except (OSError, ValueError) as error:
             raise self._problem(error) from error
 
-    def columns(self, numbers: Sequence[int]) -> list[pa.ChunkedArray]:
-        names = [self.schema.names[i] for i in numbers]
-        try:
-            # A name with dots can stand for more columns than its own.
-            table = self._parquet.read(columns=names, use_threads=False)
-        except (OSError, ValueError) as error:
-            raise self._problem(error) from error
-        return [table.column(name) for name in names]
+    @property
+    def rows(self) -> int:
+        return int(self._parquet.metadata.num_rows)
 
     def chunks(self, number: int) -> Iterator[pa.Array]:
         name = self.schema.names[number]
         try:
             for group in range(self._parquet.num_row_groups):
+                # A name with dots can stand for more columns than its own.
                 rows = self._parquet.read_row_group(group, columns=[name], use_threads=False)
                 yield from rows.column(name).chunks
         except (OSError, ValueError) as error:
