@@ -26,7 +26,8 @@ from uuvsim_cosim.scene.mapping.mapping import (
     write_map,
 )
 from uuvsim_cosim.scene.mapping.scans import RangeSensor, frames, points, range_sensor, rotation
-from uuvsim_cosim.scene.mapping.survey import read_settings, settings_of_system
+from uuvsim_cosim.scene.mapping.settings_file import settings_of_system
+from uuvsim_cosim.scene.mapping.survey import read_settings
 from uuvsim_cosim.scene.shared.ray_casting import Caster
 
 Array = NDArray[np.float64]

@@ -218,7 +218,7 @@ def run_command(
         raise InputInvalid(f"--overruns {overruns}: expected --real-time FACTOR with it")
     from uuvsim_cosim.orchestrator.master.real_time import Pace
     from uuvsim_cosim.orchestrator.running.run import Interrupted, run
-    from uuvsim_cosim.view.reports.run_report import write_metrics, write_report
+    from uuvsim_cosim.view.recorded.metrics import write_metrics
 
     pace = None if real_time is None else Pace(real_time, overruns)  # type: ignore[arg-type]
     about = {
@@ -252,6 +252,8 @@ def run_command(
         figures, warnings = summary(done, surveyed)
         write_metrics(done.folder, figures)
         if not no_report:
+            from uuvsim_cosim.view.reports.run_report import write_report
+
             progress.say("writing the report")
             report_file = write_report(done.folder)
     show_run(done, report_file, figures, warnings)

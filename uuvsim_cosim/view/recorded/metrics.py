@@ -8,9 +8,11 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
+from uuvsim_cosim.errors import RecordingError
 from uuvsim_cosim.orchestrator.recording.samples import (
     Array,
     Samples,
@@ -19,7 +21,8 @@ from uuvsim_cosim.orchestrator.recording.samples import (
     picked,
     within,
 )
-from uuvsim_cosim.view.recorded.traces import Elements, Traces
+from uuvsim_cosim.orchestrator.running.run_folder import write_run_json
+from uuvsim_cosim.view.recorded.traces import Elements, Traces, provenance_of
 
 __all__ = [
     "Figure",
@@ -34,6 +37,7 @@ __all__ = [
     "path_end",
     "tracking",
     "wrapped",
+    "write_metrics",
 ]
 
 APPROACH = 1.0  # m; the approach ends when the vehicle is first this close to the path
@@ -301,3 +305,15 @@ def energy_of(traces: Traces) -> float | None:
     if voltage is None or current is None:
         return None
     return energy(traces.time, voltage, current)
+
+
+def write_metrics(folder: str | Path, figures: Iterable[Figure]) -> None:
+    """Write figures of merit into run.json, as `metrics`: value, unit and label by key.
+
+    Raises RecordingError if it cannot be written; the old file then stays.
+    """
+    path = Path(folder) / "run.json"
+    try:
+        write_run_json(path, {**provenance_of(folder), "metrics": metrics_of(figures)})
+    except OSError as error:
+        raise RecordingError(path, error.strerror, "free space on the disk") from None

@@ -15,13 +15,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from uuvsim_cosim.cache import written
-from uuvsim_cosim.errors import InputInvalid, RecordingError
-from uuvsim_cosim.orchestrator.running.run_folder import write_run_json
+from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.view.plots.page import MARKS, encoded, key_html, own_file, page_html
 from uuvsim_cosim.view.plots.plots import Line, Panel, Rows, TimePanel
 from uuvsim_cosim.view.plots.svg import escape
 from uuvsim_cosim.view.plots.track import VESSEL, Track
-from uuvsim_cosim.view.recorded.metrics import Figure, figures, metrics_of
+from uuvsim_cosim.view.recorded.metrics import figures
 from uuvsim_cosim.view.recorded.traces import Array, Traces, provenance_of, traces_of
 from uuvsim_cosim.view.reports.page_data import (
     MOST_ELEMENTS,
@@ -48,7 +47,6 @@ __all__ = [
     "sampled_traces",
     "track_html",
     "waypoints_of",
-    "write_metrics",
     "write_report",
 ]
 
@@ -239,18 +237,6 @@ class Plots:
                 difference = other - np.asarray(line.value)
                 lines.append(Line(line.label[2:], difference, line.style, line.digits))
         return TimePanel(f"{panel.title}: B − A", panel.unit, lines, include=[0.0])
-
-
-def write_metrics(folder: str | Path, figures: Iterable[Figure]) -> None:
-    """Write figures of merit into run.json, as `metrics`: value, unit and label by key.
-
-    Raises RecordingError if it cannot be written; the old file then stays.
-    """
-    path = Path(folder) / "run.json"
-    try:
-        write_run_json(path, {**provenance_of(folder), "metrics": metrics_of(figures)})
-    except OSError as error:
-        raise RecordingError(path, error.strerror, "free space on the disk") from None
 
 
 def write_report(folder: str | Path, out: str | Path | None = None) -> Path:
