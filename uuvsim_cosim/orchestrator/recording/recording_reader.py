@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+
+import numpy as np
 
 from uuvsim_cosim.errors import RecordingError
 from uuvsim_cosim.orchestrator.recording.columns import LazyArrays, Source, Table, column
@@ -25,6 +27,7 @@ __all__ = [
     "empty_batch",
     "file_of",
     "metadata_of",
+    "open_recording",
     "read_batches",
     "read_signals",
 ]
@@ -117,11 +120,22 @@ def read_signals(run: Path | str) -> Signals:
     >>> signals["guidance.eta_d"].shape, signals.units["guidance.eta_d"]
     ((101, 6), 'm, rad')
     """
+    table, signals = open_recording(run)
+    if table is None:
+        return signals
+    return replace(signals, time=column(table, 0), ticks=column(table, 1))
+
+
+def open_recording(run: Path | str) -> tuple[Table | None, Signals]:
+    """Open a recording as `read_signals` does, without reading time and ticks (columns 0 and 1).
+
+    Returns its table, or None for an MCAP file, whose time and ticks have been read.
+    """
     import pyarrow as pa
 
     file = file_of(Path(run))
     if file.suffix.lower() == ".mcap":
-        return read_mcap(file)
+        return None, read_mcap(file)
     if file.suffix == ".parquet":
         parquet = _ParquetTable(file)
         stored: Table = parquet
@@ -157,10 +171,11 @@ def read_signals(run: Path | str) -> Signals:
             elements[name] = tuple(_index(schema.field(i)) for i in numbers)
         units[name] = ", ".join(dict.fromkeys(element_units[name]))
         descriptions[name] = about.get("description", "")
-    time, ticks = column(stored, 0), column(stored, 1)
     metadata = metadata_of(schema) | {"messages": messages}
-    values = LazyArrays(stored, sources)
-    return Signals(time, ticks, values, units, descriptions, metadata, element_units, elements)
+    values, none = LazyArrays(stored, sources), np.empty(0)
+    return stored, Signals(
+        none, none, values, units, descriptions, metadata, element_units, elements
+    )
 
 
 @dataclass(frozen=True)

@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 
 from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.models.declaration.element_names import split_element_name
-from uuvsim_cosim.orchestrator.recording.columns import LazyArrays
-from uuvsim_cosim.orchestrator.recording.recording_reader import read_signals
+from uuvsim_cosim.orchestrator.recording.columns import LazyArrays, column
+from uuvsim_cosim.orchestrator.recording.recording_reader import open_recording
 from uuvsim_cosim.orchestrator.recording.samples import Array, Samples, element, picked
 
 __all__ = ["Array", "Elements", "Traces", "joined", "provenance_of", "traces_of"]
@@ -113,12 +113,12 @@ def joined(columns: Mapping[str, Array]) -> dict[str, Array]:
     """Return vectors for columns named x[1] … x[n]; other columns stay as they are."""
     groups: dict[str, dict[tuple[int, ...], Array]] = {}
     values: dict[str, Array] = {}
-    for name, column in columns.items():
+    for name, samples in columns.items():
         whole, indices = split_element_name(name)
         if indices:
-            groups.setdefault(whole, {})[indices] = np.asarray(column, dtype=float)
+            groups.setdefault(whole, {})[indices] = np.asarray(samples, dtype=float)
         else:
-            values[name] = np.asarray(column, dtype=float)
+            values[name] = np.asarray(samples, dtype=float)
     for name, elements in groups.items():
         values[name] = np.column_stack([elements[i] for i in sorted(elements)])
     return values
@@ -126,10 +126,11 @@ def joined(columns: Mapping[str, Array]) -> dict[str, Array]:
 
 def traces_of(folder: str | Path) -> Traces:
     """Return the numeric signals of a run; raises RecordingError if there is no recording."""
-    signals = read_signals(folder)
+    table, signals = open_recording(folder)
     recorded = signals.values_by_name
-    if isinstance(recorded, LazyArrays):
-        return Traces(signals.time, recorded.numbers(), signals.units, signals.element_units)
+    if table is not None and isinstance(recorded, LazyArrays):
+        time = column(table, 0)
+        return Traces(time, recorded.numbers(), signals.units, signals.element_units)
     numbers = {
         name: np.asarray(value, dtype=float)
         for name, value in recorded.items()

@@ -39,9 +39,8 @@ class Motion:
 def motion_of(scene3d: Scene3D, traces: Traces, most: int | None = None) -> Motion:
     """Return the recorded motion, thinned evenly to at most `most` moments."""
     n = len(traces.time)
-    picks = np.arange(n)
-    if most is not None and n > most:
-        picks = np.unique(np.linspace(0, n - 1, most).astype(np.intp))
+    most = n if most is None else min(n, most)
+    picks = np.unique(np.linspace(0, n - 1, most).astype(np.intp))
     positions, attitudes, thrusts, scales, ranges, estimates = {}, {}, {}, {}, {}, {}
     for body in scene3d.bodies:
         eta = _picked(traces, body.eta, picks)
