@@ -14,6 +14,7 @@ from uuvsim_cosim.orchestrator.recording.samples import (
     blocks,
     computed,
     picked,
+    track_rows,
     unwrapped,
     within,
 )
@@ -63,6 +64,18 @@ def test_rows_outside_of_a_range_are_nan(
 def test_rows_are_picked_across_blocks(samples: Array, rows: int, some: list[int]) -> None:
     index = np.array(some, np.intp)
     np.testing.assert_array_equal(picked(column(samples, rows), index), samples[index])
+
+
+@given(rows=ROWS)
+def test_rows_of_a_track_show_the_part_in_which_the_vehicle_moves(rows: int) -> None:
+    """The vehicle travels 30 m in the first 10 rows, and then waits for 990."""
+    north = np.minimum(np.arange(1000.0), 10.0) * 3.0
+    found = track_rows(column(north, rows), column(0.0 * north, rows), 20)
+    np.testing.assert_array_equal(found, track_rows(north, 0.0 * north, 20))
+    assert set(range(1, 11)) <= set(found)
+    assert {0, 999} <= set(found)
+    assert len(found) <= 20
+    assert len(track_rows(north, 0.0 * north, 1000)) == 1000
 
 
 @given(samples=ANGLES.map(np.array), rows=ROWS, most=st.integers(1, 19))

@@ -24,6 +24,7 @@ __all__ = [
     "computed",
     "element",
     "picked",
+    "track_rows",
     "unwrapped",
     "within",
 ]
@@ -107,6 +108,38 @@ def within(samples: Samples, first: int, end: int | None = None) -> Samples:
 
     column = Column(read, len(samples))
     return column if isinstance(samples, Column) else np.asarray(column)
+
+
+def track_rows(north: Samples, east: Samples, most: int) -> NDArray[np.intp]:
+    """Return rows, in ascending order, that show a track: all, or `most` of them.
+
+    Half are even in time, and half in the distance that was travelled: a vehicle that works for
+    ten minutes of a day and then waits is shown in its work too. The first and the last row are
+    among them.
+    """
+    n = len(north)
+    if n <= most:
+        return np.arange(n)
+    rows = [np.linspace(0, n - 1, most // 2).astype(np.intp)]
+    length = max(sum(float(np.sum(step)) for step in _steps(north, east)), 1e-300)
+    along, first, count = 0.0, 1, most - most // 2
+    for step in _steps(north, east):
+        part = np.floor((along + np.cumsum(step)) * (count / length))
+        before = np.concatenate([[np.floor(along * (count / length))], part[:-1]])
+        rows.append(first + np.flatnonzero(part > before))
+        along += float(np.sum(step))
+        first += len(step)
+    return np.unique(np.concatenate(rows))
+
+
+def _steps(north: Samples, east: Samples) -> Iterator[Array]:
+    """Yield the horizontal distance of each row after the first to the row before it, by block."""
+    before = np.empty((0, 2))
+    for each in zip(blocks(north), blocks(east), strict=True):
+        position = np.concatenate([before, np.column_stack(each)])
+        change = np.diff(position, axis=0)
+        yield np.nan_to_num(np.hypot(change[:, 0], change[:, 1]))
+        before = position[-1:]
 
 
 def unwrapped(angle: Samples) -> Samples:

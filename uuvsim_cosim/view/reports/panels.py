@@ -19,6 +19,7 @@ from uuvsim_cosim.orchestrator.recording.samples import (
     blocks,
     computed,
     picked,
+    track_rows,
     unwrapped,
     within,
 )
@@ -64,12 +65,11 @@ def track_of(traces: Traces, path: Array | None) -> Track | None:
 
 
 def _track_rows(shown: Iterable[Elements]) -> NDArray[np.intp]:
-    """Return the rows of a track: all, or some that are even in time, and the extremes."""
+    """Return the rows of a track: all, or some of them and the extremes."""
     positions = [found[k] for found in shown for k in (0, 1)]
-    n = len(positions[0])
-    if n <= TRACK_ROWS:
-        return np.arange(n)
-    rows = [np.linspace(0, n - 1, TRACK_ROWS).astype(np.intp)]
+    rows = [track_rows(positions[0], positions[1], TRACK_ROWS)]
+    if len(positions[0]) <= TRACK_ROWS:
+        return rows[0]
     for position in positions:
         low, high, first = (np.inf, 0), (-np.inf, 0), 0
         for block in blocks(position):

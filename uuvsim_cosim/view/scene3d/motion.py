@@ -9,7 +9,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uuvsim_cosim.models.declaration.element_names import split_element_name
-from uuvsim_cosim.orchestrator.recording.samples import Array, Samples, blocks, computed, picked
+from uuvsim_cosim.orchestrator.recording.samples import (
+    Array,
+    Samples,
+    blocks,
+    computed,
+    picked,
+    track_rows,
+)
 from uuvsim_cosim.view.recorded.traces import Elements, Traces
 from uuvsim_cosim.view.scene3d.scene import Body, Scene3D
 
@@ -37,10 +44,9 @@ class Motion:
 
 
 def motion_of(scene3d: Scene3D, traces: Traces, most: int | None = None) -> Motion:
-    """Return the recorded motion, thinned evenly to at most `most` moments."""
+    """Return the recorded motion, thinned to about `most` moments, as `track_rows` chooses them."""
     n = len(traces.time)
-    most = n if most is None else min(n, most)
-    picks = np.unique(np.linspace(0, n - 1, most).astype(np.intp))
+    picks = np.arange(n) if most is None else _moments(scene3d, traces, most)
     positions, attitudes, thrusts, scales, ranges, estimates = {}, {}, {}, {}, {}, {}
     for body in scene3d.bodies:
         eta = _picked(traces, body.eta, picks)
@@ -85,6 +91,16 @@ def motion_of(scene3d: Scene3D, traces: Traces, most: int | None = None) -> Moti
         if at is not None and at.ndim == 2 and at.shape[1] >= 3:
             positions[marker.name] = at[:, :3]
     return Motion(traces.time[picks], positions, attitudes, thrusts, scales, ranges, estimates)
+
+
+def _moments(scene3d: Scene3D, traces: Traces, most: int) -> NDArray[np.intp]:
+    """Return the rows of the moments that show the track of the first body that was recorded."""
+    n = len(traces.time)
+    for body in scene3d.bodies:
+        if body.eta in traces.values and traces.size(body.eta) >= 6:
+            eta = Elements(traces, body.eta)
+            return track_rows(eta[0], eta[1], most)
+    return np.unique(np.linspace(0, n - 1, min(n, most)).astype(np.intp))
 
 
 def _picked(traces: Traces, name: str, picks: NDArray[np.intp]) -> Array | None:
