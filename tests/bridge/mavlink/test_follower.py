@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import math
 import socket
+import time
 from pathlib import Path
 from typing import Any
 
@@ -59,8 +60,12 @@ def _after_a_state(*, arm_real: bool, key: Path | None) -> bytes:
             free.bind(("127.0.0.1", 0))
             to = ("127.0.0.1", free.getsockname()[1])
         kind = type("Followed", (follower.Followed,), {})
-        kind._receiver = receiver = follower._Receiver(follower.Address("udpin", *to))
+        kind._receiver = receiver = follower._Receiver(follower.Address("udpin", *to), print)
         packer = mav.MAVLink(None, srcSystem=7, srcComponent=1)
+        if key is not None:
+            packer.signing.secret_key = hashlib.sha256(key.read_bytes().strip()).digest()
+            packer.signing.timestamp = int((time.time() - 1420070400) * 1e5)
+            packer.signing.sign_outgoing = True
         stranger = mav.MAVLink(None, srcSystem=9, srcComponent=1)
         still = mav.MAVLink_local_position_ned_message(0, 1, 2, 3, 0, 0, 0)
         for message, sender in (

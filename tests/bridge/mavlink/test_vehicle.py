@@ -5,87 +5,25 @@ from __future__ import annotations
 import math
 import os
 import socket
-import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 
-from uuvsim_cosim.bridge.calls.service import Client
-from uuvsim_cosim.bridge.http.keyboard import with_keyboards
+from tests.bridge.mavlink.ground import ME, Ground, grounded, mav, mavutil
 from uuvsim_cosim.bridge.mavlink.link import Address, Link
 from uuvsim_cosim.bridge.mavlink.server import MavlinkServer
 from uuvsim_cosim.bridge.mavlink.vehicle import global_of, local_of
 from uuvsim_cosim.bridge.server.conductor import Conductor
 from uuvsim_cosim.errors import InputInvalid
-from uuvsim_cosim.orchestrator.running.library import load
 from uuvsim_cosim.studies.identification.logs import read_log
-
-mavutil = pytest.importorskip("pymavlink.mavutil")
-mav = pytest.importorskip("pymavlink.dialects.v20.ardupilotmega")
-ME = Client("test", "local")
-LIMIT = 30.0  # [s] after which an answer counts as missing
-
-
-class Ground:
-    """A ground station: pymavlink's connection, and the waiting for an answer."""
-
-    def __init__(self, conductor: Conductor, port: int) -> None:
-        self.conductor = conductor
-        self.link = mavutil.mavlink_connection(
-            f"tcp:127.0.0.1:{port}", source_system=255, dialect="ardupilotmega"
-        )
-        self.link.mav.heartbeat_send(6, 8, 0, 0, 4)
-
-    def wait(self, kind: str, good: Callable[[Any], bool] = lambda m: True) -> Any:
-        end = time.monotonic() + LIMIT
-        while time.monotonic() < end:
-            message = self.link.recv_match(type=kind, blocking=True, timeout=1.0)
-            if message is not None and good(message):
-                return message
-        raise AssertionError(f"no {kind}")
-
-    def command(self, number: int, *values: float) -> int:
-        self.link.mav.command_long_send(1, 1, number, 0, *(*values, *[0.0] * 7)[:7])
-        return int(self.wait("COMMAND_ACK", lambda m: m.command == number).result)
-
-    def arm(self, mode: int) -> None:
-        assert self.command(mav.MAV_CMD_DO_SET_MODE, 1, mode) == mav.MAV_RESULT_ACCEPTED
-        assert self.command(mav.MAV_CMD_COMPONENT_ARM_DISARM, 1) == mav.MAV_RESULT_ACCEPTED
-
-    def item(self, seq: int, n: float, e: float, d: float) -> Any:
-        lat, lon = global_of(n, e, (33.810313, -118.393867))
-        return mav.MAVLink_mission_item_int_message(
-            1, 1, seq, 3, 16, 0, 1, 0, 0, 0, 0, round(lat * 1e7), round(lon * 1e7), -d, 0
-        )
-
-    def upload(self, items: list[Any]) -> int:
-        self.link.mav.mission_count_send(1, 1, len(items), 0)
-        while True:
-            m = self.wait("MISSION_ACK") if not items else self.link.recv_match(
-                type=["MISSION_REQUEST_INT", "MISSION_ACK"], blocking=True, timeout=LIMIT
-            )  # fmt: skip
-            assert m is not None
-            if m.get_type() == "MISSION_ACK":
-                return int(m.type)
-            self.link.mav.send(items[m.seq])
 
 
 @pytest.fixture
 def ground() -> Iterator[Ground]:
-    swaps = {"pilot": "keyboard"}
-    with_keyboards(lambda: load("bluerov2_hold"), swaps)
-    system = load("bluerov2_hold")
-    for path, source in swaps.items():
-        system = system.replace(path, source)
-    with Conductor(system) as conductor, MavlinkServer(conductor, "tcpin:127.0.0.1:0") as server:
-        running = conductor.ask("run", ME, None, 5.0, ())
-        station = Ground(conductor, server.ends[0].link.port)
+    with grounded() as station:
         yield station
-        station.link.close()
-        assert not running.done() or running.exception() is None
 
 
 def test_state_is_that_of_the_hull(ground: Ground) -> None:

@@ -6,7 +6,7 @@ set-point or waypoint, as proportional guidance: v = K (p_d - p), limited to the
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from math import atan2, cos, hypot, isfinite, nan, sin
 from time import monotonic
 from typing import Any, final
@@ -19,13 +19,16 @@ from uuvsim_cosim.bridge.mavlink.vehicle import (
     ORIGIN,
     State,
     Vehicle,
+    global_of,
     local_of,
     messages_of,
     wrapped,
 )
 from uuvsim_cosim.errors import UuvsimError
 
-__all__ = ["Services"]
+__all__ = ["SCENARIO", "Services"]
+
+SCENARIO = "mavlink.yaml"  # in the folder of a recording: parameters that were set over MAVLink
 
 MODES = {0: "STABILIZE", 2: "ALT_HOLD", 3: "AUTO", 4: "GUIDED", 9: "SURFACE", 16: "POSHOLD",
          19: "MANUAL"}  # fmt: skip
@@ -80,6 +83,16 @@ class Services:
         self._velocity_at = -1e9
         self._held_since: float | None = None  # at a waypoint [s]
         self._download: list[Any] | None = None  # peer, log, offset, end
+
+    def set_mission(self, points: Sequence[Sequence[float]]) -> None:
+        """Make waypoints (n, 3), north, east, down [m], the mission; item 0 is the origin."""
+        make = self._mav.MAVLink_mission_item_int_message
+        rows = enumerate([(0.0, 0.0, 0.0), *points])
+        self.missions.items = [
+            make(0, 0, i, 3, WAYPOINT, 0, 1, 0.0, 0.0, 0.0, nan,
+                 *(round(x * 1e7) for x in global_of(n, e, self.origin)), -d, 0)
+            for i, (n, e, d) in rows
+        ]  # fmt: skip
 
     # ---- every turn -----------------------------------------------------------------------
 
@@ -362,12 +375,26 @@ class Services:
     def _on_param_set(self, m: Any, peer: Any) -> None:
         if m.param_id in self._parameters and isfinite(m.param_value):
             try:
-                self._service.set(self._client, {self._parameters[m.param_id]: m.param_value})
+                name = self._parameters[m.param_id]
+                moment = self._service.set(self._client, {name: m.param_value})
+                self._note(moment.time, name, m.param_value)
             except UuvsimError as error:
                 self._text(str(error))
         values = self._values()
         if m.param_id in values:  # the old value, if the new one was refused
             self._send_parameter(m.param_id, values, peer)
+
+    def _note(self, at: float, name: str, value: float) -> None:
+        """Add the change of a parameter to the scenario in the folder of the recording."""
+        for folder in self._service.folders[-1:]:
+            path = folder / SCENARIO
+            event = f"- {{at: {at!r}, set: {name}, value: {value!r}}}\n"
+            try:
+                begun = path.exists()
+                with path.open("a", encoding="utf-8") as file:
+                    file.write(event if begun else f"events:\n{event}")
+            except OSError as error:
+                self._text(f"{SCENARIO}: {error.strerror}")
 
     # ---- logs -----------------------------------------------------------------------------
 

@@ -24,6 +24,7 @@ __all__ = [
 TRIALS = 20  # to read values and the time of one communication point
 ORIGIN = (33.810313, -118.393867)  # [deg] of the local frame until SET_GPS_GLOBAL_ORIGIN
 _A, _E2 = 6378137.0, 6.69437999014e-3  # WGS 84: semi-major axis [m], first eccentricity squared
+_ANTENNA = 0.2  # [m] above CO, if the system has no GPS receiver
 _G, _P_0, _RHO = 9.80665, 101325.0, 1025.0  # [m/s2], [Pa], [kg/m3] without a pressure sensor
 # Each meaning: outputs (and inputs, with ">") by which its component is recognised.
 _SIGNS = {
@@ -35,6 +36,7 @@ _SIGNS = {
     "range": ("altitude", "t_sample"),
     "allocation": ("u", ">tau_d"),
     "wrench": ("current_total",),
+    "gps": ("position", "velocity", "sigma", "valid"),
 }
 
 
@@ -61,6 +63,8 @@ class Vehicle:
         ):
             if meaning in at:
                 found.update({output: f"{at[meaning]}.{output}" for output in outputs})
+        if "gps" in at:
+            found |= {f"gps_{name}": f"{at['gps']}.{name}" for name in ("position", "valid")}
         return found
 
     def read(self, service: Service, client: Client) -> State:
@@ -102,6 +106,13 @@ class State:
     altitude: float | None = None
     u: tuple[float, ...] = field(default=())
     current_total: float | None = None
+    gps_position: tuple[float, ...] | None = None
+    gps_valid: float | None = None
+
+    @property
+    def has_fix(self) -> bool:
+        """Whether GPS has a fix: as the receiver reports, or with the antenna above the surface."""
+        return self.eta[2] < _ANTENNA if self.gps_valid is None else self.gps_valid > 0.5
 
     @property
     def ms(self) -> int:
@@ -220,9 +231,7 @@ def messages_of(mav: Any, s: State, origin: tuple[float, float]) -> dict[str, An
         mav.MAVLink_global_position_int_message(
             s.ms, lat, lon, up, up, round(vn * 100), round(ve * 100), round(vd * 100), heading
         ),
-        mav.MAVLink_gps_raw_int_message(
-            us, 3, lat, lon, up, 100, 100, round(speed * 100), heading, 10
-        ),
+        _gps(mav, s, us, origin, heading),
         mav.MAVLink_sys_status_message(
             sensors, sensors, sensors, 0, volts, current, percent, 0, 0, 0, 0, 0, 0
         ),
@@ -238,6 +247,19 @@ def messages_of(mav: Any, s: State, origin: tuple[float, float]) -> dict[str, An
         cm = max(0, min(65535, round(s.altitude * 100.0)))
         found.append(mav.MAVLink_distance_sensor_message(s.ms, 5, 5000, cm, 0, 0, 25, 0))
     return {message.get_type(): message for message in found}
+
+
+def _gps(mav: Any, s: State, us: int, origin: tuple[float, float], heading: int) -> Any:
+    """Return GPS_RAW_INT; without a fix (under water), its values are those of unknown."""
+    if not s.has_fix:
+        unknown = 65535
+        return mav.MAVLink_gps_raw_int_message(us, 1, 0, 0, 0, *(unknown,) * 4, 0)
+    n, e, d = s.eta[:3] if s.gps_position is None else s.gps_position
+    lat, lon = (round(x * 1e7) for x in global_of(n, e, origin))
+    speed = hypot(*s.velocity[:2])
+    return mav.MAVLink_gps_raw_int_message(
+        us, 3, lat, lon, round(-d * 1e3), 100, 100, round(speed * 100), heading, 10
+    )
 
 
 def wrapped(angle: float) -> float:
