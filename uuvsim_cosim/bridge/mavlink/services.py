@@ -108,7 +108,7 @@ class Services:
         now = monotonic()
         due = [n for n, (interval, at) in self._due.items() if interval > 0 and now >= at]
         if due:
-            known = messages_of(self._mav, self.state, self.origin)
+            known = self._messages()
             for name in due:
                 self._due[name] = (self._due[name][0], now + self._due[name][0])
                 message = known.get(name) or self._other(name)
@@ -121,6 +121,9 @@ class Services:
     def is_busy(self) -> bool:
         """Whether a log is being sent."""
         return self._download is not None
+
+    def _messages(self) -> dict[str, Any]:
+        return messages_of(self._mav, self.state, self.origin, can_arm=self.pilot is not None)
 
     def _other(self, name: str) -> Any:
         mav, s = self._mav, self.state
@@ -218,9 +221,7 @@ class Services:
             if name is None:
                 return mav.MAV_RESULT_UNSUPPORTED
             if command == mav.MAV_CMD_REQUEST_MESSAGE:
-                sent.append(
-                    messages_of(mav, self.state, self.origin).get(name) or self._other(name)
-                )
+                sent.append(self._messages().get(name) or self._other(name))
             elif command == mav.MAV_CMD_SET_MESSAGE_INTERVAL:
                 default = 1.0 / _RATES.get(name, 1.0)
                 interval = default if p[1] == 0 else max(p[1] / 1e6, -1.0)
@@ -239,7 +240,7 @@ class Services:
 
     def _named(self, number: int) -> str | None:
         """Return the name of a message that this vehicle can send."""
-        sent = {**messages_of(self._mav, self.state, self.origin), **_RATES}
+        sent = {**self._messages(), **_RATES}
         own = (*sent, "GPS_GLOBAL_ORIGIN", "AUTOPILOT_VERSION")
         kind = self._mav.mavlink_map.get(number)
         name = None if kind is None else str(kind.msgname)

@@ -205,7 +205,9 @@ def _radii(origin: tuple[float, float]) -> tuple[float, float]:
     return _A * (1.0 - _E2) / root**1.5, _A / sqrt(root)
 
 
-def messages_of(mav: Any, s: State, origin: tuple[float, float]) -> dict[str, Any]:
+def messages_of(
+    mav: Any, s: State, origin: tuple[float, float], *, can_arm: bool = True
+) -> dict[str, Any]:
     """Return the messages of a state by name; `mav` is pymavlink's dialect."""
     phi, theta, psi = s.eta[3:]
     p, q, r = s.gyro if s.gyro is not None else s.nu[3:]
@@ -222,6 +224,8 @@ def messages_of(mav: Any, s: State, origin: tuple[float, float]) -> dict[str, An
     current = -1 if s.current_total is None else round(s.current_total * 100.0)
     percent = -1 if s.state_of_charge is None else round(s.state_of_charge * 100.0)
     sensors = 1 | 2 | 8 | 1024 | 32768  # gyro, accelerometer, pressure, rates, motors
+    checked = sensors | mav.MAV_SYS_STATUS_PREARM_CHECK
+    healthy = checked if can_arm else sensors
     pwm = (*s.pwm, *([0] * 16))[:16]
     speed = hypot(vn, ve)
     up_to = [volts] + [65535] * 9
@@ -233,7 +237,7 @@ def messages_of(mav: Any, s: State, origin: tuple[float, float]) -> dict[str, An
         ),
         _gps(mav, s, us, origin, heading),
         mav.MAVLink_sys_status_message(
-            sensors, sensors, sensors, 0, volts, current, percent, 0, 0, 0, 0, 0, 0
+            checked, checked, healthy, 0, volts, current, percent, 0, 0, 0, 0, 0, 0
         ),
         mav.MAVLink_scaled_pressure2_message(s.ms, s.absolute_pressure / 100.0, 0.0, 0),
         mav.MAVLink_vfr_hud_message(speed, speed, heading // 100, 0, -d, -vd),
