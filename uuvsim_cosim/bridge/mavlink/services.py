@@ -67,7 +67,7 @@ class Services:
         self.log: DataFlashLog | None = None
         self.logs: list[DataFlashLog] = []
         fit = [p["component"] for p in pilots(service)["pilots"]  # type: ignore[attr-defined]
-               if p["component"].startswith(vehicle.prefix)]  # fmt: skip
+               if vehicle.owns(p["component"])]  # fmt: skip
         self.pilot: str | None = fit[0] if fit else None
         self._parameters = self._tunable()
         limits = [f"{self.pilot}.{axis}_max" for axis in AXES]
@@ -341,7 +341,8 @@ class Services:
         prefix = self._vehicle.prefix
         for info in self._service.schema():
             scalar = info.type == "Float64" and not info.shape and info.settable
-            if scalar and info.causality == "parameter" and info.name.startswith(prefix):
+            owned = self._vehicle.owns(info.name.rpartition(".")[0])
+            if scalar and info.causality == "parameter" and owned:
                 short = info.name.removeprefix(prefix).replace(".", "_").upper()
                 found.setdefault(short[:16], []).append(info.name)
         return {short: names[0] for short, names in sorted(found.items()) if len(names) == 1}

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from math import cos, degrees, hypot, pi, radians, sin, sqrt
 from typing import Any
 
@@ -42,10 +42,22 @@ _SIGNS = {
 
 @dataclass(frozen=True)
 class Vehicle:
-    """A vehicle: its `prefix` in the system ("" or "name.") and the component of each meaning."""
+    """A vehicle: its `prefix` in the system ("" or "name.") and the component of each meaning.
+
+    `others` are the prefixes of vehicles that are nested in the same system. A vehicle whose prefix
+    another one shares has only its hull (`is_alone` is false).
+    """
 
     prefix: str
     components: Mapping[str, str]
+    others: tuple[str, ...] = ()
+    is_alone: bool = True
+
+    def owns(self, path: str) -> bool:
+        """Return whether a component is a part of this vehicle."""
+        if not self.is_alone:
+            return path == self.components["hull"]
+        return path.startswith(self.prefix) and not path.startswith(self.others)
 
     @property
     def signals(self) -> dict[str, str]:
@@ -164,18 +176,19 @@ def vehicles_of(service: Service) -> list[Vehicle]:
         if info.causality in ("output", "input"):
             outputs.setdefault(path, set()).add((">" if info.causality == "input" else "") + name)
 
-    def found(meaning: str, prefix: str) -> str | None:
-        fit = [p for p, names in outputs.items()
-               if set(_SIGNS[meaning]) <= names and p.startswith(prefix)]  # fmt: skip
-        return fit[0] if fit else None
-
     hulls = [path for path, names in outputs.items() if set(_SIGNS["hull"]) <= names]
+    prefixes = [hull[: hull.rfind(".") + 1] for hull in hulls]
     vehicles = []
-    for hull in hulls:
-        above, dot, _ = hull.rpartition(".")
-        prefix = above + dot
-        at = {m: one for m in _SIGNS if (one := found(m, prefix)) is not None}
-        vehicles.append(Vehicle(prefix, {**at, "hull": hull}))
+    for hull, prefix in zip(hulls, prefixes, strict=True):
+        others = tuple(p for p in prefixes if p != prefix and p.startswith(prefix))
+        vehicle = Vehicle(prefix, {"hull": hull}, others, prefixes.count(prefix) == 1)
+        at = {
+            meaning: next((p for p, names in outputs.items()
+                           if set(signs) <= names and vehicle.owns(p)), None)
+            for meaning, signs in _SIGNS.items()
+        }  # fmt: skip
+        known = {meaning: path for meaning, path in at.items() if path is not None}
+        vehicles.append(replace(vehicle, components={**known, "hull": hull}))
     if not vehicles:
         raise InputInvalid(
             f"--mavlink: {service.describe()['system']}",
