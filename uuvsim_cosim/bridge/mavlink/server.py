@@ -14,7 +14,7 @@ from uuvsim_cosim.bridge.mavlink.link import DEFAULT, Address, Link, dialect
 from uuvsim_cosim.bridge.mavlink.services import Services
 from uuvsim_cosim.bridge.mavlink.vehicle import Vehicle, vehicles_of
 from uuvsim_cosim.closing import Owner, started
-from uuvsim_cosim.errors import InputInvalid
+from uuvsim_cosim.errors import UuvsimError
 
 __all__ = ["MavlinkServer"]
 
@@ -104,7 +104,7 @@ class _End:
                 if self.services.is_busy or time.monotonic() >= next_turn:
                     next_turn = time.monotonic() + _TURN
                     self.services.turn()
-            except InputInvalid:  # the co-simulation has ended, or a component was replaced
+            except UuvsimError:  # the co-simulation has ended, or a component was replaced
                 closed.wait(_TURN)
 
     def _send(self, message: Any, peer: Any) -> None:

@@ -36,6 +36,7 @@ _MANUAL = (0, 2, 16, 19)
 _K, _K_PSI = 0.5, 1.0  # [1/s] of position and heading
 _MANUAL_LASTS, _GUIDED_LASTS = 0.5, 3.0  # [s] of manual control, of a velocity set-point
 _REACHED = 1.0  # [m] from a waypoint that gives no acceptance radius
+_LOGS = 64  # that are kept; the oldest one is dropped
 _CHUNK, _CHUNKS = 90, 100  # bytes of LOG_DATA; messages sent in one turn
 _RATES = {  # [Hz] at the start
     "HEARTBEAT": 1.0, "ATTITUDE": 10.0, "LOCAL_POSITION_NED": 10.0, "GLOBAL_POSITION_INT": 5.0,
@@ -256,6 +257,9 @@ class Services:
             self.log = DataFlashLog(self._values(), self.state.time)
             self.log.write("MODE", round(self.state.time * 1e6), self.mode, self.mode, 1)
             self.logs.append(self.log)
+            if len(self.logs) > _LOGS:
+                del self.logs[0]
+                self._download = None
         elif not on:
             self.log = None
         self.armed = on
