@@ -87,7 +87,8 @@ class _End:
         report: Callable[[str], None],
     ) -> None:
         self.link = link
-        self._codec = Codec(mav, system_id, 1, key, report)
+        self._codec = Codec(mav, system_id, 1, key, self._refused)
+        self._report = report
         client = Client(f"mavlink-{system_id}", "mavlink", frozenset({"read", "set"}))
         self.services = Services(service, client, vehicle, system_id, mav, self._send)
 
@@ -106,6 +107,10 @@ class _End:
                     self.services.turn()
             except UuvsimError:  # the co-simulation has ended, or a component was replaced
                 closed.wait(_TURN)
+
+    def _refused(self, text: str) -> None:
+        self._report(f"{self.link.address}: {text}")
+        self.services.report(text)
 
     def _send(self, message: Any, peer: Any) -> None:
         self.link.send(self._codec.packed(message), peer)

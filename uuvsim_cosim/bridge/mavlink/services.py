@@ -251,7 +251,7 @@ class Services:
 
     def _arm(self, on: bool) -> bool:
         if on and self.pilot is None:
-            self._text("nothing steers: serve with --replace pilot=keyboard")
+            self.report("nothing steers: serve with --replace pilot=keyboard")
             return False
         if on and not self.armed:
             self.log = DataFlashLog(self._values(), self.state.time)
@@ -385,7 +385,7 @@ class Services:
                 moment = self._service.set(self._client, {name: m.param_value})
                 self._note(moment.time, name, m.param_value)
             except UuvsimError as error:
-                self._text(str(error))
+                self.report(str(error))
         values = self._values()
         if m.param_id in values:  # the old value, if the new one was refused
             self._send_parameter(m.param_id, values, peer)
@@ -400,7 +400,7 @@ class Services:
                 with path.open("a", encoding="utf-8") as file:
                     file.write(event if begun else f"events:\n{event}")
             except OSError as error:
-                self._text(f"{SCENARIO}: {error.strerror}")
+                self.report(f"{SCENARIO}: {error.strerror}")
 
     # ---- logs -----------------------------------------------------------------------------
 
@@ -441,7 +441,8 @@ class Services:
         n, e, d, _, _, psi = self.state.eta
         return n, e, d, psi
 
-    def _text(self, text: str) -> None:
+    def report(self, text: str) -> None:
+        """Send a text to all peers."""
         self._send(self._mav.MAVLink_statustext_message(4, text.encode()[:50]), None)
 
     def _steer(self) -> None:
