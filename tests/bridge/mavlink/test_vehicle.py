@@ -7,6 +7,7 @@ import os
 import socket
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -14,7 +15,7 @@ import pytest
 from tests.bridge.mavlink.ground import ME, Ground, grounded, mav, mavutil
 from uuvsim_cosim.bridge.mavlink.link import Address, Link
 from uuvsim_cosim.bridge.mavlink.server import MavlinkServer
-from uuvsim_cosim.bridge.mavlink.vehicle import global_of, local_of
+from uuvsim_cosim.bridge.mavlink.vehicle import ORIGIN, State, global_of, local_of, messages_of
 from uuvsim_cosim.bridge.server.conductor import Conductor
 from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.studies.identification.logs import read_log
@@ -177,6 +178,27 @@ def test_an_occupied_port_and_a_wrong_address_are_refused() -> None:
     with pytest.raises(InputInvalid, match="without authentication"):
         Address.of("udpin:0.0.0.0:14550")
     assert Address.of("udpin:0.0.0.0:14550", anyone=True).host == "0.0.0.0"
+
+
+def _gps(depth: float, **sensed: Any) -> Any:
+    state = State(1.0, (3.0, 4.0, depth, 0.0, 0.0, 0.0), (0.0,) * 6, (0.0,) * 6, **sensed)
+    return messages_of(mav, state, ORIGIN)["GPS_RAW_INT"]
+
+
+def test_gps_has_a_fix_only_at_the_surface() -> None:
+    lat, lon = (round(x * 1e7) for x in global_of(3.0, 4.0, ORIGIN))
+    above = _gps(0.1)
+    assert (above.fix_type, above.lat, above.lon, above.satellites_visible) == (3, lat, lon, 10)
+    for depth in (0.3, 10.0):
+        below = _gps(depth)
+        assert (below.fix_type, below.lat, below.lon, below.satellites_visible) == (1, 0, 0, 0)
+
+
+def test_gps_is_that_of_the_systems_receiver() -> None:
+    lat, lon = (round(x * 1e7) for x in global_of(3.5, 4.5, ORIGIN))
+    found = _gps(0.1, gps_position=(3.5, 4.5, -0.2), gps_valid=1.0)
+    assert (found.fix_type, found.lat, found.lon) == (3, lat, lon)
+    assert _gps(0.1, gps_position=(3.5, 4.5, -0.2), gps_valid=0.0).fix_type == 1
 
 
 @pytest.mark.parametrize("place", [(0.0, 0.0), (100.0, -2000.0), (-3.0, 5.0)])
