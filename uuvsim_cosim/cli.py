@@ -22,12 +22,7 @@ from typer.core import TyperGroup
 
 from uuvsim_cosim._version import __version__
 from uuvsim_cosim.commands.shared.answer import answer, answering, error_fields, mode_of
-from uuvsim_cosim.commands.shared.common_options import (
-    complete,
-    path_of,
-    walk,
-    with_implied_values,
-)
+from uuvsim_cosim.commands.shared.common_options import complete, path_of, walk
 from uuvsim_cosim.commands.shared.completion import whole_words
 from uuvsim_cosim.commands.shared.terminal import line, notice, put
 from uuvsim_cosim.errors import UuvsimError
@@ -158,8 +153,6 @@ def status_of(arguments: list[str] | None = None) -> int:
     # Messages of components are recorded, and assumptions are in the summary: not on stderr too.
     logging.getLogger("uuvsim_cosim").addHandler(logging.NullHandler())
     given = sys.argv[1:] if arguments is None else arguments
-    if "--mavlink" in given:
-        given = with_implied_values(given)
     command = command_tree(given)
     status = 0
     with suppress(BrokenPipeError), answering(mode_of(given)) as found:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from functools import partial
 from typing import Annotated, Any
 
 import typer
@@ -201,9 +202,15 @@ def complete(command: Any) -> Any:
                     parameter.rich_help_panel = name
             each.params.sort(key=lambda p: order.index(p.opts[0]) if p.opts[0] in place else -1)
         each.params.extend(shared)
+        if any("--mavlink" in parameter.opts for parameter in each.params):
+            each.parse_args = partial(_parsed, each.parse_args)
         if path in EXAMPLES:
             each.epilog = "\n\n".join(("Examples:", *(f"uuvsim {x}" for x in EXAMPLES[path])))
     return command
+
+
+def _parsed(parse: Callable[[Any, list[str]], Any], context: Any, arguments: list[str]) -> Any:
+    return parse(context, with_implied_values(arguments))
 
 
 def with_implied_values(arguments: Sequence[str]) -> list[str]:
@@ -211,6 +218,8 @@ def with_implied_values(arguments: Sequence[str]) -> list[str]:
 
     Typer has no options whose value may be left out. An address contains a colon.
     """
+    if "--mavlink" not in arguments:
+        return list(arguments)
     from uuvsim_cosim.bridge.mavlink.link import DEFAULT
 
     filled: list[str] = []
