@@ -27,6 +27,8 @@ LIMIT = 30.0  # [s] after which an answer counts as missing
 class Ground:
     """A ground station of the vehicle with this system id."""
 
+    server: MavlinkServer
+
     def __init__(self, conductor: Conductor, port: int, vehicle: int = 1) -> None:
         self.conductor, self.vehicle = conductor, vehicle
         self.link = mavutil.mavlink_connection(
@@ -88,6 +90,7 @@ def grounded(record: Path | None = None) -> Iterator[Ground]:
     ):
         running = conductor.ask("run", ME, None, 5.0, ())
         station = Ground(conductor, server.ends[0].link.port)
+        station.server = server
         yield station
         station.link.close()
         assert not running.done() or running.exception() is None

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import math
 import random
+import socket
+import threading
 from collections.abc import Iterator
 from typing import Any
 
 import pytest
 
-from tests.bridge.mavlink.ground import ME, Ground, grounded, mav, piloted
+from tests.bridge.mavlink.ground import LIMIT, ME, Ground, grounded, mav, piloted
 from uuvsim_cosim.bridge.calls.service import Client
 from uuvsim_cosim.bridge.mavlink import missions
 from uuvsim_cosim.bridge.mavlink.codec import Codec
@@ -224,3 +226,30 @@ def test_the_server_goes_on_after_a_reset(ground: Ground) -> None:
     ground.conductor.pause(ME)
     ground.conductor.reset(ME)
     ground.wait("LOCAL_POSITION_NED", lambda m: m.time_boot_ms == 0)
+
+
+def test_a_log_is_sent_as_fast_as_the_peer_reads_it(ground: Ground) -> None:
+    ground.wait("HEARTBEAT")
+    services, (peer,) = ground.server.ends[0].services, ground.server.ends[0].link.peers
+    peer.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, 1 << 16)
+    ground.link.port.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 1 << 16)
+    services._arm(True)
+    services._arm(False)
+    whole = services.logs[0].data = bytearray(random.Random(3).randbytes(1_000_000))
+    ground.link.mav.log_request_data_send(1, 1, 1, 0, len(whole))
+    full, asked = threading.Semaphore(0), services._has_room
+
+    def has_room(peer: Any) -> bool:
+        if not (room := asked(peer)):
+            full.release()
+        return room
+
+    services._has_room = has_room
+    for _ in range(1000):  # the peer reads nothing until its buffer has been full for long
+        assert full.acquire(timeout=LIMIT)
+    data = bytearray()
+    while len(data) < len(whole):
+        part = ground.wait("LOG_DATA")
+        assert part.ofs == len(data)
+        data += bytes(part.data[: part.count])
+    assert data == whole

@@ -90,7 +90,9 @@ class _End:
         self._codec = Codec(mav, system_id, 1, key, self._refused)
         self._report = report
         client = Client(f"mavlink-{system_id}", "mavlink", frozenset({"read", "set"}))
-        self.services = Services(service, client, vehicle, system_id, mav, self._send)
+        self.services = Services(
+            service, client, vehicle, system_id, mav, self._send, link.has_room
+        )
 
     def serve(self, closed: threading.Event) -> None:
         """Answer messages and send the state until `closed` is set or the co-simulation ends."""

@@ -48,7 +48,10 @@ _RATES = {  # [Hz] at the start
 
 @final
 class Services:
-    """The services of one vehicle; `send(message, peer)` sends, to all peers if peer is None."""
+    """The services of one vehicle; `send(message, peer)` sends, to all peers if peer is None.
+
+    A log is sent only while the peer has room (`has_room`): one that reads slowly gets it slowly.
+    """
 
     def __init__(
         self,
@@ -58,9 +61,10 @@ class Services:
         system_id: int,
         mav: Any,
         send: Callable[[Any, Any], None],
+        has_room: Callable[[Any], bool] = lambda peer: True,
     ) -> None:
         self._service, self._client, self._vehicle, self._mav = service, client, vehicle, mav
-        self._id, self._send = system_id, send
+        self._id, self._send, self._has_room = system_id, send, has_room
         self._ids = {mav.mavlink_map[i].msgname: i for i in mav.mavlink_map}
         self.state: State = vehicle.read(service, client)
         self.missions = Missions(mav, send)
@@ -426,7 +430,7 @@ class Services:
 
     def _send_log(self) -> None:
         for _ in range(_CHUNKS):
-            if self._download is None:
+            if self._download is None or not self._has_room(self._download[0]):
                 return
             peer, number, at, end = self._download
             part = bytes(self.logs[number - 1].data[at : min(at + _CHUNK, end)])
