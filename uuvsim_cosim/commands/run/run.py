@@ -23,9 +23,12 @@ from uuvsim_cosim.commands.shared.progress import RunProgress
 from uuvsim_cosim.commands.shared.system_options import (
     MAP,
     SET,
+    ArmReal,
     Force,
+    Unsigned,
     VehicleOfMission,
     edited_system,
+    permit_commands,
 )
 from uuvsim_cosim.commands.shared.terminal import file_line, line, notice, put, remark, tilde
 from uuvsim_cosim.errors import ComponentFailed, InputInvalid, LoopNotConverged
@@ -99,6 +102,8 @@ def run_command(
         typer.Option(help="Communication step: component=0.02, or component=20ms."),
     ] = None,
     force: Force = False,
+    arm_real: ArmReal = False,
+    unsigned: Unsigned = False,
     native: Annotated[
         bool, typer.Option("--native", help="Run models in this process instead of as FMUs.")
     ] = False,
@@ -181,7 +186,7 @@ def run_command(
             "--waypoints": waypoints, "--origin": origin, "--replace": replace, "--map": map_,
             "--rate": rate, "--vehicle": vehicle, "--force": force, "--ardusub": ardusub,
             "--real-time": real_time, "--isolate": isolate, "--scenario": scenario,
-            "--view": view, "--loops": loops,
+            "--view": view, "--loops": loops, "--arm-real": arm_real, "--unsigned": unsigned,
         }  # fmt: skip
         for option, given in refused.items():
             if given:
@@ -207,12 +212,16 @@ def run_command(
     }
     if waypoints is not None:
         changes["waypoints"] = {"file": waypoints.name} | ({"origin": origin} if origin else {})
-    elif origin is not None:
-        raise InputInvalid(f"--origin {origin}: applies to --waypoints", "--waypoints as well")
     if scenario is not None:
         changes["scenario"] = {"file": scenario.name}
     if out is not None:
         expect_folder(out)
+    follows = permit_commands(changes["replace"], arm_real=arm_real, unsigned=unsigned)
+    if follows and real_time is None:
+        raise InputInvalid(
+            "--replace mavlink:…", "a followed vehicle has the time of the wall clock",
+            "--real-time 1 as well",
+        )  # fmt: skip
     edited = edited_system(system, waypoints, changes, loops, origin, vehicle, force, ardusub)
     if real_time is None and overruns != "catch-up":
         raise InputInvalid(f"--overruns {overruns}: expected --real-time FACTOR with it")

@@ -19,12 +19,17 @@ from uuvsim_cosim.commands.shared.options import assignments, folder_option, rat
 from uuvsim_cosim.commands.shared.system_options import (
     MAP,
     SET,
+    ArmReal,
     Force,
+    Unsigned,
     VehicleOfMission,
     edited_system,
+    flown_path,
     named_system,
+    permit_commands,
+    with_path,
 )
-from uuvsim_cosim.commands.shared.terminal import line, notice, put, tilde
+from uuvsim_cosim.commands.shared.terminal import line, notice, put, remark, tilde
 from uuvsim_cosim.errors import InputInvalid
 
 if TYPE_CHECKING:
@@ -83,16 +88,23 @@ def serve_command(
     mavlink: Annotated[
         str | None,
         typer.Option(
-            metavar="ADDRESS",
-            help="Speak MAVLink like ArduSub: udpout:127.0.0.1:14550, tcpin:127.0.0.1:5760.",
+            metavar="[ADDRESS]",
+            help="Speak MAVLink like ArduSub, by default to udpout:127.0.0.1:14550.",
         ),
     ] = None,
-    arm_real: Annotated[
-        bool, typer.Option("--arm-real", help="Send commands to a vehicle that is followed.")
-    ] = False,
-    unsigned: Annotated[
-        bool, typer.Option("--unsigned", help="Send these commands without a signature.")
-    ] = False,
+    waypoints: Annotated[
+        Path | None,
+        typer.Option(
+            help="Mission: a .plan of QGroundControl, or a CSV of north, east, down in m or of "
+            "lat, lon, depth."
+        ),
+    ] = None,
+    origin: Annotated[
+        str | None,
+        typer.Option(help="LAT,LON of the local frame's origin, for --waypoints in degrees."),
+    ] = None,
+    arm_real: ArmReal = False,
+    unsigned: Unsigned = False,
     out: Annotated[
         Path | None,
         folder_option("Folder of the recording."),
@@ -165,6 +177,7 @@ def serve_command(
     from uuvsim_cosim.bridge.server.playback import is_recording
     from uuvsim_cosim.bridge.tcp.framing import HTTP_PORT, TCP_PORT
     from uuvsim_cosim.bridge.zenoh.session import PORT
+    from uuvsim_cosim.orchestrator.running.mission import has_path
 
     if until is not None and not 0.0 < until < float("inf"):
         raise InputInvalid(f"--until {until:g}: expected more than 0 seconds")
@@ -191,27 +204,25 @@ def serve_command(
         "rate": rates(rate or []),
         "set": assignments("--set", set_ or [], SET, dotted=True),
     }
+    flown = flown_path(waypoints, origin)
     served: System | str = system
     folder = None
     if is_recording(system):
         others = {"fmu": fmu, "seed": seed, "out": out, "loops": loops, "vehicle": vehicle,
-                  "force": force}  # fmt: skip
+                  "force": force, "waypoints": flown}  # fmt: skip
         if given := [f"--{name}" for name, value in {**changes, **others}.items() if value]:
             raise InputInvalid(
                 system, "is a recording, which cannot be changed", f"it without {', '.join(given)}"
             )
     else:
         with_keyboards(lambda: named_system(system, vehicle), changes["replace"])
-        if (
-            arm_real
-            or unsigned
-            or any(text.startswith("mavlink:") for text in changes["replace"].values())
-        ):
-            from uuvsim_cosim.bridge.mavlink.follower import allow
-
-            for text in allow(arm_real=arm_real, unsigned=unsigned):
-                notice(text)
+        permit_commands(changes["replace"], arm_real=arm_real, unsigned=unsigned)
         served = edited_system(system, None, changes, loops, None, vehicle, force, ardusub)
+        if flown is not None:
+            if mavlink is None or has_path(served):
+                served = with_path(served, flown)
+            for note in flown.notes:
+                remark("note", note)
         if not no_record:
             folder = out if out is not None else Path("runs") / f"{served.name}-{seed}"
     conductor = Conductor(
@@ -237,7 +248,18 @@ def serve_command(
             if mavlink is not None:
                 from uuvsim_cosim.bridge.mavlink.server import MavlinkServer
 
-                server = stack.enter_context(MavlinkServer(conductor, mavlink, anyone=anyone))
+                mission = None if flown is None else flown.points.tolist()
+                place = None if flown is None else flown.origin
+                server = stack.enter_context(
+                    MavlinkServer(
+                        conductor,
+                        mavlink,
+                        anyone=anyone,
+                        mission=mission,
+                        origin=place,
+                        report=notice,
+                    )
+                )
                 line(f"MAVLink {', '.join(server.addresses)}  QGroundControl, pymavlink, MAVSDK")
             _open_servers(stack, conductor, opened, *ports)
             if ros2 is not None:

@@ -38,10 +38,14 @@ A, E2 = 6378137.0, 6.69437999014e-3  # WGS 84: semi-major axis [m], first eccent
 
 @dataclass(frozen=True)
 class Waypoints:
-    """Waypoints (n, 3): north, east, down [m], and what was assumed or left out."""
+    """Waypoints (n, 3): north, east, down [m], and what was assumed or left out.
+
+    `origin` is the place of the local frame, if the file is in degrees.
+    """
 
     points: Floats
     notes: tuple[str, ...] = ()
+    origin: Place | None = None
 
 
 def load_waypoints(path: str | Path, origin: Place | None = None) -> Waypoints:
@@ -138,7 +142,7 @@ def _csv(text: str, path: Path, origin: Place | None) -> Waypoints:
         notes.append(
             f"{path.name} has no header: its columns are read as north, east and down in m"
         )
-    return Waypoints(np.array(rows), tuple(notes))
+    return Waypoints(np.array(rows), tuple(notes), origin)
 
 
 def _refuse_degrees(rows: list[list[str]], path: Path, origin: Place | None) -> None:
@@ -277,7 +281,7 @@ def _plan(text: str, path: Path, origin: Place | None) -> Waypoints:
         "waypoints"
         for command, count in skipped.items()
     ]
-    return Waypoints(np.array(points).reshape(-1, 3), tuple(notes))
+    return Waypoints(np.array(points).reshape(-1, 3), tuple(notes), origin)
 
 
 def _simple(items: Iterable[Item]) -> Iterator[Item]:
