@@ -27,7 +27,7 @@ from tests.bridge.ros2.ros_side import (
     vector,
 )
 from uuvsim_cosim.bridge.calls.service import Client
-from uuvsim_cosim.bridge.http.keyboard import with_keyboards
+from uuvsim_cosim.bridge.http.keyboard import source, with_keyboards
 from uuvsim_cosim.bridge.http.manual_axes import manual_axes_of
 from uuvsim_cosim.bridge.ros2.inputs import Input, inputs_of, read_inputs
 from uuvsim_cosim.bridge.ros2.node import Ros2Node
@@ -35,6 +35,7 @@ from uuvsim_cosim.bridge.ros2.receiver import system_of
 from uuvsim_cosim.bridge.server.conductor import Conductor
 from uuvsim_cosim.bridge.zenoh.bridge import free_port
 from uuvsim_cosim.errors import InputInvalid
+from uuvsim_cosim.orchestrator.system.resolve import register
 
 ME = Client("me", "local")
 TWIST = "geometry_msgs/msg/Twist"
@@ -142,6 +143,36 @@ def test_commands_arrive_in_ned_and_frd(conductor: Conductor) -> None:
         gives(conductor, "controller.nu_d", [0.0, -0.5, 0.0, 0.0, 0.0, 0.0],
               lambda: both.put(state))  # fmt: skip
     assert [t for t in said.texts if "no message for" not in t] == []
+
+
+def test_the_vehicle_goes_to_a_pose_that_ros_sends_once(conductor: Conductor) -> None:
+    half = np.sqrt(0.5)
+    with node_of(conductor) as (_, peer, said):
+        goal = Publisher(peer, "/controller/cmd_pose", POSE)
+        at = made(POSE, header=header("map"), pose=pose((2.0, 3.0, -4.0), (0.0, 0.0, half, half)))
+        gives(conductor, "controller.eta_d", [3.0, 2.0, 4.0, 0.0, 0.0, 0.0],
+              lambda: goal.put(at))  # fmt: skip
+        assert said.next().endswith("fail-safe: controller.eta_d keeps its value")
+        conductor.step(ME, 6000, {}, ())
+    assert conductor.get(ME, ["hull.eta"])["hull.eta"][:3] == pytest.approx([3, 2, 4], abs=0.1)
+
+
+def test_inputs_follow_a_component_that_was_replaced() -> None:
+    with Conductor("bluerov2_hold") as conductor, node_of(conductor) as (node, peer, _):
+        assert node.inputs == []
+        register("keyboard", source)
+        conductor.replace(ME, "guidance", "keyboard:")
+        until(lambda: [i.name for i in node.inputs] == ["/cmd_vel"], conductor.moment)
+        assert any("%cmd_vel" in t for t in tokens(peer))
+
+
+def test_a_closed_node_ends_the_command_that_it_gave(conductor: Conductor) -> None:
+    with node_of(conductor) as (_, peer, _):
+        publisher = Publisher(peer, "/controller/cmd_vel", TWIST)
+        command = twist((1.0, 0.0, 0.0), (0.0, 0.0, 0.0))
+        gives(conductor, "controller.nu_d", [1.0, 0.0, 0.0, 0.0, 0.0, 0.0],
+              lambda: publisher.put(command))  # fmt: skip
+    assert conductor.get(ME, ["controller.nu_d"])["controller.nu_d"][0] == 0.0
 
 
 def test_forces_and_thruster_commands_set_open_inputs() -> None:
