@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import itertools
 import os
 import threading
 import time
@@ -200,10 +201,14 @@ class Ros2Node(Owner):
                 self._check_router()
                 if (publishing := self._publishing) is not None:
                     publishing.look()
-            while self._ring and not self._over:
-                with contextlib.suppress(IndexError):
-                    publishing, ticks, rows = self._ring.popleft()
-                    publishing.publish(ticks, rows)
+            waiting: list[tuple[_Publishing, Array, Array]] = []
+            with contextlib.suppress(IndexError):
+                while True:
+                    waiting.append(self._ring.popleft())
+            # One block for all rows that wait: each topic costs as much for one row as for ten.
+            for publishing, chunks in itertools.groupby(waiting, lambda chunk: chunk[0]):
+                _, ticks, rows = zip(*chunks, strict=True)
+                publishing.publish(np.concatenate(ticks), np.concatenate(rows))
 
     def _leave(self) -> None:
         with contextlib.suppress(InputInvalid):  # the co-simulation has ended already
