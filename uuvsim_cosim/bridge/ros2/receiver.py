@@ -87,9 +87,10 @@ class Receiver(Closing):
         self._schema, kept, self._topics = schema, self._topics, []
         for topic in kept:
             topic.undeclare()
-        self.inputs = self._choose(system_of(self._service, self._outputs()))
+        chosen = self._choose(system_of(self._service, self._outputs()))
         owners: dict[str, _Topic] = {}
-        self._topics = [_Topic(self._service, self._ends, one, owners) for one in self.inputs]
+        self._topics = [_Topic(self._service, self._ends, one, owners) for one in chosen]
+        self.inputs = chosen
 
 
 @final
