@@ -404,6 +404,8 @@ def test_without_commands_nothing_listens(conductor: Conductor) -> None:
         ("type: geometry_msgs/msg/Twist, signals: {nu: controller.nu_d}, fail_safe: {eta: keep}",
          "fail_safe of eta; expected one of nu"),
         ("type: geometry_msgs/msg/Twist, signals: {nu: controller.nu_d}, timeout: 0", "timeout"),
+        ("type: geometry_msgs/msg/Twist, signals: {nu: controller.nu_d}, rate: 2",
+         "timeout 0.5 s at rate 2; expected two periods or more"),
         ("type: geometry_msgs/msg/Twist, signals: {nu: controller.nu_d}, fail_safe: {nu: off}",
          "fail_safe"),
     ],

@@ -162,6 +162,8 @@ def _problems(one: Input, system: System) -> Iterator[str]:
         expected = "nu or axes" if "axes" in command.roles else ", ".join(command.roles)
         yield f"signals {', '.join(one.signals)}; expected {expected}"
         return
+    if one.timeout * one.rate < 2.0:
+        yield f"timeout {one.timeout:g} s at rate {one.rate:g}; expected two periods or more"
     for role in one.fail_safe.keys() - one.signals.keys():
         yield f"fail_safe of {role}; expected one of {', '.join(one.signals)}"
     for role, names in one.signals.items():

@@ -172,7 +172,7 @@ class Ros2Node(Owner):
         """Report another node of this node's name."""
         if alive and token != node_token(self.node):
             self.reports.once(
-                f"/{self.node.name}", f"name {token}", "another node in domain "
+                f"/{self.node.name}", "name", "another node in domain "
                 f"{self.node.domain} has this name; expected one node of a name, for example by "
                 "another ROS_DOMAIN_ID",
             )  # fmt: skip
