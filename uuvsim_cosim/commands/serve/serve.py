@@ -76,7 +76,7 @@ def serve_command(
         str | None,
         typer.Option(
             autocompletion=of("humble", "jazzy", "kilted", "lyrical"),
-            help="Publish the signals as ROS 2 topics for this distribution's rmw_zenoh.",
+            help="Be a node of ROS 2 for this distribution's rmw_zenoh: topics, inputs, services.",
         ),
     ] = None,
     topics: Annotated[
@@ -263,7 +263,9 @@ def serve_command(
                 line(f"MAVLink {', '.join(server.addresses)}  QGroundControl, pymavlink, MAVSDK")
             _open_servers(stack, conductor, opened, *ports)
             if ros2 is not None:
-                _open_node(stack, conductor, ros2, topics, ros2_port)
+                _open_node(
+                    stack, conductor, ros2, topics, ros2_port, real_time, commands=access is None
+                )
             _wait(conductor, real_time, paused, until)
     finally:
         signal.signal(signal.SIGTERM, before)
@@ -328,22 +330,38 @@ def _open_servers(
 
 
 def _open_node(
-    stack: ExitStack, conductor: Conductor, distribution: str, topics: Path | None, port: int | None
-) -> None:
+    stack: ExitStack, conductor: Conductor, distribution: str, topics: Path | None,
+    port: int | None, real_time: float, *, commands: bool,
+) -> None:  # fmt: skip
     from uuvsim_cosim.bridge.ros2.node import ROUTER_PORT, Ros2Node
 
     node = stack.enter_context(
-        Ros2Node(conductor, distribution, topics=topics, port=ROUTER_PORT if port is None else port)
-    )
+        Ros2Node(
+            conductor, distribution, topics=topics, port=ROUTER_PORT if port is None else port,
+            commands=commands, factor=real_time, report=lambda text: notice(f"ROS 2: {text}"),
+        )
+    )  # fmt: skip
     router = "router" if node.is_router else "client of the router"
+    every = f"{len(node.topics)} topics, {len(node.inputs)} inputs, {len(node.services)} services"
     line(
-        f"  ROS 2  {distribution}: node /{node.node.name}, domain {node.domain}, "
-        f"{len(node.topics)} topics, {router} at tcp/127.0.0.1:{node.port}; "
-        "every program on this machine can read them, without token"
+        f"  ROS 2  {distribution}: node /{node.node.name}, domain {node.domain}, {every}, "
+        f"{router} at tcp/127.0.0.1:{node.port}; every program on this machine can "
+        f"{'read, set and step' if commands else 'read'} them, without token"
     )
+    for one in node.inputs:
+        signals = ", ".join(name for names in one.signals.values() for name in names)
+        line(f"  input  {one.name}  {one.type}: {signals}, time-out {one.timeout:g} s")
+    if not commands:
+        notice(
+            "ROS 2: inputs and services are closed, because a ROS 2 node proves no identity that "
+            "a role of --access could allow; expected no --access, or clients of Zenoh, TCP or "
+            "HTTP for commands"
+        )
     for name in node.without_topic if topics is None else ():
         line(f"  note: {name}: a text has no topic")
     put("ros2", [{"topic": topic.name, "type": topic.type} for topic in node.topics])
+    put("ros2_inputs", [{"topic": one.name, "type": one.type} for one in node.inputs])
+    put("ros2_services", [{"name": name, "type": type_} for name, type_ in node.services.items()])
 
 
 def _check_ports(hosts: Sequence[str], port: int, tcp: int, http: int) -> None:
