@@ -98,7 +98,7 @@ def test_sensors_hang_below_the_hull_in_tf_static(bag: Path) -> None:
     frames = {tf.child_frame_id: tf for tf in message.transforms}
     assert t == 0
     assert {"imu_link", "pressure_link"} <= frames.keys()
-    assert {tf.header.frame_id for tf in message.transforms} == {"base_link"}
+    assert {tf.header.frame_id for tf in message.transforms} == {"base_link", "dvl_link"}
     assert xyz(frames["pressure_link"].transform.translation) == [-0.15, 0.0, 0.0]
     assert "TRANSIENT_LOCAL" in (bag / "metadata.yaml").read_text().upper()
 

@@ -80,6 +80,12 @@ def serve_command(
     ros2_port: Annotated[
         int | None, typer.Option(help="Port of rmw_zenoh's router (7447).")
     ] = None,
+    origin: Annotated[
+        str | None,
+        typer.Option(
+            metavar="LAT,LON", help="With --ros2: place of the local frame's origin, for GPS fixes."
+        ),
+    ] = None,
     mavlink: Annotated[
         str | None,
         typer.Option(
@@ -170,8 +176,8 @@ def serve_command(
         raise InputInvalid(f"--until {until:g}: expected more than 0 seconds")
     if not 0.0 < real_time < float("inf"):
         raise InputInvalid(f"--real-time {real_time:g}: expected a factor of more than 0")
-    if ros2 is None and (topics is not None or ros2_port is not None):
-        raise InputInvalid("--topics or --ros2-port", "--ros2 DISTRIBUTION beside it")
+    if ros2 is None and (topics, ros2_port, origin) != (None, None, None):
+        raise InputInvalid("--topics, --ros2-port or --origin", "--ros2 DISTRIBUTION beside it")
     _raise_limit_of_files()
     if mavlink is not None:
         from uuvsim_cosim.bridge.mavlink.link import Address, dialect
@@ -241,7 +247,7 @@ def serve_command(
                 line(f"MAVLink {', '.join(server.addresses)}  QGroundControl, pymavlink, MAVSDK")
             _open_servers(stack, conductor, opened, *ports)
             if ros2 is not None:
-                _open_node(stack, conductor, ros2, topics, ros2_port)
+                _open_node(stack, conductor, ros2, topics, ros2_port, origin)
             _wait(conductor, real_time, paused, until)
     finally:
         signal.signal(signal.SIGTERM, before)
@@ -306,12 +312,24 @@ def _open_servers(
 
 
 def _open_node(
-    stack: ExitStack, conductor: Conductor, distribution: str, topics: Path | None, port: int | None
+    stack: ExitStack,
+    conductor: Conductor,
+    distribution: str,
+    topics: Path | None,
+    port: int | None,
+    origin: str | None,
 ) -> None:
     from uuvsim_cosim.bridge.ros2.node import ROUTER_PORT, Ros2Node
+    from uuvsim_cosim.commands.shared.waypoints import origin_of
 
     node = stack.enter_context(
-        Ros2Node(conductor, distribution, topics=topics, port=ROUTER_PORT if port is None else port)
+        Ros2Node(
+            conductor,
+            distribution,
+            topics=topics,
+            port=ROUTER_PORT if port is None else port,
+            origin=None if origin is None else origin_of(origin),
+        )
     )
     router = "router" if node.is_router else "client of the router"
     line(
@@ -321,6 +339,8 @@ def _open_node(
     )
     for name in node.without_topic if topics is None else ():
         line(f"  note: {name}: a text has no topic")
+    for note in node.omitted:
+        line(f"  note: {note}")
     put("ros2", [{"topic": topic.name, "type": topic.type} for topic in node.topics])
 
 

@@ -35,7 +35,7 @@ GROUPS: dict[str, dict[str, tuple[str, ...]]] = {
                   "--fmu", "--seed"),
         _TIME: ("--real-time", "--paused", "--until", "--rate", "--fail-safe"),
         _CONNECTIONS: ("--host", "--port", "--tcp-port", "--http-port"),
-        "ROS 2": ("--ros2", "--topics", "--ros2-port"),
+        "ROS 2": ("--ros2", "--topics", "--ros2-port", "--origin"),
         "MAVLink": ("--mavlink", "--arm-real", "--unsigned"),
         "Access": ("--access", "--anyone", "--no-code"),
         OUTPUT: ("--out", "--no-record"),
