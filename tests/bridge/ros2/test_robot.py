@@ -57,7 +57,7 @@ def test_links_and_joints_are_a_tree_below_base_link(heavy: Robot) -> None:
         while at in above:
             at = above[at]
         assert at == "base_link"
-    [box] = [b for b in root.find("link").iter("box")]  # type: ignore[union-attr]
+    [box] = list(root.find("link").iter("box"))  # type: ignore[union-attr]
     assert box.get("size") == "0.457 0.575 0.254"
 
 

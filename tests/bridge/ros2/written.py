@@ -46,7 +46,7 @@ class Rows(dict[str, Any]):
 def written(
     plan: Plan, type_: str, *blocks: Rows, origin: Place | None = None
 ) -> list[tuple[int, Any]]:
-    """Return the messages of the only topic of a type, with their times [ns].
+    """Return the messages of the only topic of a type, with the times of their samples [ns].
 
     Each message is equal, byte by byte, to the one that rosbags writes.
     """
@@ -60,7 +60,7 @@ def written(
             assert bytes(STORE.serialize_cdr(message, type_)) == row.tobytes()
             if hasattr(message, "header"):
                 stamp = message.header.stamp
-                assert stamp.sec * 10**9 + stamp.nanosec == at
+                at = stamp.sec * 10**9 + stamp.nanosec
                 assert message.header.frame_id == topic.frame
             found.append((at, message))
     return found

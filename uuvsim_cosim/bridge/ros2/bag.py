@@ -45,7 +45,8 @@ def write_bag(
 
     A `target` that ends with ``.mcap`` is one file, any other a new folder with the file and its
     ``metadata.yaml``. `topics` is a file of topics; without it, they follow from the signals. Time
-    0 of the run is time 0 of the bag. Sensors have a message for each sample, at the sample's time.
+    0 of the run is time 0 of the bag. Sensors have a message for each sample, whose header has the
+    sample's time; the bag has the time at which the system had it.
     `origin` is the place of the origin of `n`, which positions on Earth need.
     Raises InputInvalid without rosbags, if the target exists, and for mistakes in `topics`.
     """

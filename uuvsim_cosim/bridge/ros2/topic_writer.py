@@ -86,7 +86,10 @@ class TopicWriter:
         return CONVERSIONS.get(self.topic.type, _PLAIN)
 
     def messages(self, block: Block) -> tuple[Array, Sequence[Array]]:
-        """Return the times [ns] and bytes of the messages of a block."""
+        """Return the times [ns] and bytes of the messages of a block.
+
+        The times are those at which the messages are there. Headers have the times of the samples.
+        """
         time, chosen = self._samples(block)
         values = {
             role: np.asarray(block[name])[chosen] for role, name in self.topic.signals.items()
@@ -99,7 +102,7 @@ class TopicWriter:
         for begin, end in self._alike(values):
             part = {role: v[begin:end] for role, v in values.items()}
             rows += list(self._rows(stamps[begin:end], part, self._of_sensor(time)))
-        return stamps, rows
+        return np.rint(block.time[chosen] * 1e9).astype(np.int64), rows
 
     def _alike(self, values: Values) -> list[tuple[int, int]]:
         """Return the spans of rows whose messages have the same texts."""
