@@ -22,8 +22,17 @@ from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.models.declaration.modeline import headed
 from uuvsim_cosim.models.declaration.near_names import expected_names
 from uuvsim_cosim.models.declaration.parameter_files import line_of, read_yaml
+from uuvsim_cosim.orchestrator.plan.plan import Plan
 
-__all__ = ["Topic", "Variable", "omitted_topics", "read_topics", "topics_of", "topics_text"]
+__all__ = [
+    "Topic",
+    "Variable",
+    "omitted_topics",
+    "read_topics",
+    "topics_of",
+    "topics_text",
+    "variables_of",
+]
 
 
 @dataclass(frozen=True)
@@ -140,6 +149,18 @@ def omitted_topics(variables: Mapping[str, Variable], facts: Facts) -> list[str]
         for path, outputs in _components(variables).items()
         if is_position_sensor(outputs) and "@place" not in facts.get(path, {})
     ]
+
+
+def variables_of(plan: Plan) -> dict[str, Variable]:
+    """Return the outputs of a system that are no texts: those that are published."""
+    return {
+        f"{c.path}.{v.name}": Variable(
+            {"F": "f", "B": "b", "U": "u"}.get(v.type[0], "i"), v.size if v.shape else 0
+        )
+        for c in plan.components
+        for v in c.description.of("output")
+        if v.type not in ("String", "Binary")
+    }
 
 
 def _components(variables: Mapping[str, Variable]) -> dict[str, dict[str, Variable]]:

@@ -147,7 +147,12 @@ EXAMPLES: dict[str, tuple[str, ...]] = {
     "fmu system": ("fmu system bluerov2_hold -o .",),
     "fmu client": ("fmu client bluerov2_hold -o .",),
     "pack": ("pack bluerov2_survey -o survey.ssp",),
-    "new": ("new controller", "new controller --as c", "new --workspace my_project"),
+    "new": (
+        "new controller",
+        "new controller --as c",
+        "new --workspace my_project",
+        "new --ros2-workspace my_ros2",
+    ),
     "lint": ("lint", "lint my_study.yaml", "lint my_project --json"),
     "envs": ("envs",),
     "train": ("train source --algo sac --seed 1", "train source --algo sac --seeds 8"),
