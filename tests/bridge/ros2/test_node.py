@@ -150,6 +150,28 @@ def test_a_client_of_the_router_describes_its_vehicle_to_a_later_subscriber(
     assert '<link name="thruster_8_link">' in text
 
 
+def test_a_subscriber_gets_clouds_and_diagnostics_of_a_sonar() -> None:
+    store, cloud, states = typestore("jazzy"), Heard(), Heard()
+    system = uuv.System("sonar", "0.1").add("sonar", "model:multibeam?beams=5")
+    with (
+        Conductor(system) as conductor,
+        Ros2Node(conductor, port=free_port("127.0.0.1"), domain=0) as node,
+        ros(node.port) as peer,
+    ):
+        kept = [
+            peer.declare_subscriber("0/sonar/points/**", cloud),
+            peer.declare_subscriber("0/diagnostics/**", states),
+        ]
+        seen = cloud.wait(lambda: conductor.step(ME, 10, {}, ())).payload.to_bytes()
+        state = states.wait(lambda: conductor.step(ME, 10, {}, ())).payload.to_bytes()
+        for one in kept:
+            one.undeclare()
+    message = store.deserialize_cdr(seen, "sensor_msgs/msg/PointCloud2")
+    assert (message.width, message.header.frame_id) == (5, "sonar_link")
+    [status] = store.deserialize_cdr(state, "diagnostic_msgs/msg/DiagnosticArray").status
+    assert (status.name, status.level) == ("sonar", 0)
+
+
 def test_two_nodes_share_one_router_and_one_goes_without_the_other(conductor: Conductor) -> None:
     port = free_port("127.0.0.1")
     boat = uuv.System("boat", "0.1").add("hull", "model:bluerov2_heavy")
