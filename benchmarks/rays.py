@@ -252,7 +252,7 @@ def beside_embree(ours: Caster, theirs: Any, kind_of_hit: int, over: Caster) -> 
 
 
 def main() -> None:
-    global RAYS, REPEATS  # noqa: PLW0603
+    global RAYS, REPEATS
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--repeats", type=int, default=REPEATS)
     parser.add_argument("--rays", type=int, default=RAYS)

@@ -68,7 +68,7 @@ def test_a_session_finds_the_node_and_its_publishers_by_their_tokens(conductor: 
     [static] = [t for t in found if "%tf_static" in t]
     assert static.endswith("/:1:,1:,:,:,,")
     kinds = [t.split("/")[5] for t in found]
-    assert kinds.count("MP") == len(node.topics) + 2  # /clock and /tf_static
+    assert kinds.count("MP") == len(node.topics) + 3  # /clock, /tf_static, /robot_description
     assert kinds.count("NN") == 1
     assert len({t.split("/")[4] for t in found}) == len(found)  # each has a number of its own
 
@@ -110,6 +110,52 @@ def test_a_later_subscriber_gets_the_frames_of_the_sensors(conductor: Conductor)
         sample.payload.to_bytes(), "tf2_msgs/msg/TFMessage"
     )
     assert "imu_link" in {tf.child_frame_id for tf in message.transforms}
+
+
+def test_a_client_of_the_router_describes_its_vehicle_to_a_later_subscriber(
+    conductor: Conductor,
+) -> None:
+    port, heard = free_port("127.0.0.1"), Heard()
+    boat = uuv.System("boat", "0.1").add("hull", "model:bluerov2_heavy")
+    with (
+        Conductor(boat) as other,
+        Ros2Node(other, port=port, domain=1),
+        Ros2Node(conductor, port=port, domain=0) as node,
+        ros(port) as peer,
+    ):
+        assert not node.is_router
+        subscribed = ext.declare_advanced_subscriber(
+            peer,
+            "0/robot_description/**",
+            heard,
+            history=ext.HistoryConfig(detect_late_publishers=True),
+        )
+        sample = heard.wait(lambda: None)
+        subscribed.undeclare()
+    text = typestore("jazzy").deserialize_cdr(sample.payload.to_bytes(), "std_msgs/msg/String").data
+    assert '<link name="thruster_8_link">' in text
+
+
+def test_a_subscriber_gets_clouds_and_diagnostics_of_a_sonar() -> None:
+    store, cloud, states = typestore("jazzy"), Heard(), Heard()
+    system = uuv.System("sonar", "0.1").add("sonar", "model:multibeam?beams=5")
+    with (
+        Conductor(system) as conductor,
+        Ros2Node(conductor, port=free_port("127.0.0.1"), domain=0) as node,
+        ros(node.port) as peer,
+    ):
+        kept = [
+            peer.declare_subscriber("0/sonar/points/**", cloud),
+            peer.declare_subscriber("0/diagnostics/**", states),
+        ]
+        seen = cloud.wait(lambda: conductor.step(ME, 10, {}, ())).payload.to_bytes()
+        state = states.wait(lambda: conductor.step(ME, 10, {}, ())).payload.to_bytes()
+        for one in kept:
+            one.undeclare()
+    message = store.deserialize_cdr(seen, "sensor_msgs/msg/PointCloud2")
+    assert (message.width, message.header.frame_id) == (5, "sonar_link")
+    [status] = store.deserialize_cdr(state, "diagnostic_msgs/msg/DiagnosticArray").status
+    assert (status.name, status.level) == ("sonar", 0)
 
 
 def test_two_nodes_share_one_router_and_one_goes_without_the_other(conductor: Conductor) -> None:

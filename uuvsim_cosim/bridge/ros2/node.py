@@ -16,6 +16,7 @@ import numpy as np
 
 from uuvsim_cosim.bridge.ros2.cdr import MessageLayout
 from uuvsim_cosim.bridge.ros2.ends import Ends, Reports
+from uuvsim_cosim.bridge.ros2.facts import Facts, Place, facts_of
 from uuvsim_cosim.bridge.ros2.frames import Array
 from uuvsim_cosim.bridge.ros2.inputs import Input, System, inputs_of, read_inputs
 from uuvsim_cosim.bridge.ros2.interfaces import with_services
@@ -29,15 +30,16 @@ from uuvsim_cosim.bridge.ros2.rmw_zenoh import (
     namesakes,
     node_token,
 )
+from uuvsim_cosim.bridge.ros2.robot import STRING, mounted, robots_of, text_message
 from uuvsim_cosim.bridge.ros2.services import Services
-from uuvsim_cosim.bridge.ros2.topic_writer import (
-    TRANSFORMS,
-    TopicWriter,
-    mounted,
-    parameters_of,
-    typestore,
+from uuvsim_cosim.bridge.ros2.topic_writer import TRANSFORMS, TopicWriter, typestore
+from uuvsim_cosim.bridge.ros2.topics import (
+    Topic,
+    Variable,
+    omitted_topics,
+    read_topics,
+    topics_of,
 )
-from uuvsim_cosim.bridge.ros2.topics import Topic, Variable, read_topics, topics_of
 from uuvsim_cosim.bridge.server.conductor import Conductor
 from uuvsim_cosim.bridge.zenoh.session import (
     Disconnected,
@@ -72,8 +74,9 @@ class Ros2Node(Owner):
 
     Inputs and services have no authentication; without `commands` they are not opened. `resume`
     runs the system at `factor` of real time. Faults of other nodes are passed to `report` and kept
-    in `reports`; none of them ends the node. Raises InputInvalid without the extra ``ros``, for an
-    unknown distribution, for mistakes in `topics`, and if another program uses the port.
+    in `reports`; none of them ends the node. `origin` is the place of the origin of `n`, which
+    positions on Earth need. Raises InputInvalid without the extra ``ros``, for an unknown
+    distribution, for mistakes in `topics`, and if another program uses the port.
     """
 
     def __init__(
@@ -88,12 +91,14 @@ class Ros2Node(Owner):
         commands: bool = True,
         factor: float = 1.0,
         report: Callable[[str], None] = lambda text: None,
+        origin: Place | None = None,
     ) -> None:
         store = with_services(typestore(distribution))
-        self._file, self._conductor = topics, conductor
+        self._file, self._conductor, self._origin = topics, conductor, origin
         self.domain = _domain() if domain is None else domain
         self.port, self.topics, self.dropped = port, list[Topic](), 0
         self.without_topic: list[str] = []  # texts
+        self.omitted: list[str] = []  # messages that are not published, and why
         self._publishing: _Publishing | None = None
         self._ring: deque[tuple[_Publishing, Array, Array]] = deque(maxlen=_CHUNKS)
         self._wake, self._over = threading.Event(), False
@@ -149,9 +154,15 @@ class Ros2Node(Owner):
             name: Variable(_kind(columns[at[0]].type), len(at) if columns[at[0]].index else 0)
             for name, at in held.items()
         }
-        chosen = topics_of(kinds) if self._file is None else read_topics(self._file, kinds)
+        facts = facts_of(plan, self._origin)
+        if self._file is None:
+            chosen, self.omitted = topics_of(kinds, facts), omitted_topics(kinds, facts)
+        else:
+            chosen = read_topics(self._file, kinds, facts)
         self.topics = chosen
-        self._publishing = _Publishing(self._ends, chosen, plan, columns, held, self._publishing)
+        self._publishing = _Publishing(
+            self._ends, chosen, facts, plan, columns, held, self._publishing
+        )
 
     def observe(self, chunk: Chunk) -> None:
         """Copy the newest rows; never wait."""
@@ -227,6 +238,7 @@ class _Publishing:
         self,
         ends: Ends,
         topics: Sequence[Topic],
+        facts: Facts,
         plan: Plan,
         columns: Sequence[Column],
         held: Mapping[str, list[int]],
@@ -237,15 +249,18 @@ class _Publishing:
             name: np.array(at) if columns[at[0]].index is not None else np.array(at[0])
             for name, at in held.items()
         }
-        parameters = parameters_of(plan, {topic.component for topic in topics})
         self.made: dict[str, _Publisher] = {} if before is None else before.made
-        self._writers = [TopicWriter(topic, ends.store, parameters) for topic in topics]
+        self._writers = [TopicWriter(topic, ends.store, facts) for topic in topics]
         self._clock = MessageLayout(ends.store, CLOCK, {}, {})
-        static = mounted(ends.store, topics, parameters)
+        robots = robots_of(plan, facts)
+        static = mounted(ends.store, topics, robots)
         for name, type_ in [("/clock", CLOCK), *((t.name, t.type) for t in topics)]:
             self._publisher(name, type_)
         if len(static):
             self._publisher("/tf_static", TRANSFORMS, latched=True).put(static.tobytes())
+        for robot in robots:
+            text = text_message(ends.store, robot.urdf)
+            self._publisher(robot.topic, STRING, latched=True).put(text.tobytes())
         self._wanted: frozenset[str] = frozenset()
 
     def look(self) -> None:
@@ -260,12 +275,12 @@ class _Publishing:
             messages = self._clock.rows(len(stamps), {
                 "clock.sec": stamps // 10**9, "clock.nanosec": stamps % 10**9,
             })  # fmt: skip
-            self._put("/clock", messages)
+            self._put("/clock", list(messages))
         for writer in self._writers:
             if writer.topic.name in self._wanted:
                 self._put(writer.topic.name, writer.messages(block)[1])
 
-    def _put(self, name: str, messages: Array) -> None:
+    def _put(self, name: str, messages: Sequence[Array]) -> None:
         publisher = self.made[name]
         for message in messages:
             publisher.put(message.tobytes())
@@ -317,7 +332,7 @@ class _Rows:
 
 def _session(port: int) -> tuple[WrappedSession, bool]:
     """Return a session with the router at a port of this machine, or the router's itself."""
-    # Nodes of rmw_zenoh find each other by gossip; a latched topic needs timestamps.
+    # Nodes of rmw_zenoh find each other by gossip; the cache of latched topics needs time stamps.
     settings = {"scouting/gossip/enabled": True, "timestamping/enabled": True}
     try:
         return connecting("127.0.0.1", port, settings), False

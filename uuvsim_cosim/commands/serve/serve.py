@@ -101,7 +101,11 @@ def serve_command(
     ] = None,
     origin: Annotated[
         str | None,
-        typer.Option(help="LAT,LON of the local frame's origin, for --waypoints in degrees."),
+        typer.Option(
+            metavar="LAT,LON",
+            help="Place of the local frame's origin: for --waypoints in degrees, --mavlink, and "
+            "GPS fixes of --ros2.",
+        ),
     ] = None,
     arm_real: ArmReal = False,
     unsigned: Unsigned = False,
@@ -177,13 +181,14 @@ def serve_command(
     from uuvsim_cosim.bridge.server.playback import is_recording
     from uuvsim_cosim.bridge.tcp.framing import HTTP_PORT, TCP_PORT
     from uuvsim_cosim.bridge.zenoh.session import PORT
+    from uuvsim_cosim.commands.shared.waypoints import origin_of
     from uuvsim_cosim.orchestrator.running.mission import has_path
 
     if until is not None and not 0.0 < until < float("inf"):
         raise InputInvalid(f"--until {until:g}: expected more than 0 seconds")
     if not 0.0 < real_time < float("inf"):
         raise InputInvalid(f"--real-time {real_time:g}: expected a factor of more than 0")
-    if ros2 is None and (topics is not None or ros2_port is not None):
+    if ros2 is None and (topics, ros2_port) != (None, None):
         raise InputInvalid("--topics or --ros2-port", "--ros2 DISTRIBUTION beside it")
     _raise_limit_of_files()
     if mavlink is not None:
@@ -204,7 +209,10 @@ def serve_command(
         "rate": rates(rate or []),
         "set": assignments("--set", set_ or [], SET, dotted=True),
     }
-    flown = flown_path(waypoints, origin)
+    flown = flown_path(waypoints, origin, shared=ros2 is not None or mavlink is not None)
+    place = None if flown is None else flown.origin
+    if origin is not None:
+        place = origin_of(origin)
     served: System | str = system
     folder = None
     if is_recording(system):
@@ -249,7 +257,6 @@ def serve_command(
                 from uuvsim_cosim.bridge.mavlink.server import MavlinkServer
 
                 mission = None if flown is None else flown.points.tolist()
-                place = None if flown is None else flown.origin
                 server = stack.enter_context(
                     MavlinkServer(
                         conductor,
@@ -264,8 +271,9 @@ def serve_command(
             _open_servers(stack, conductor, opened, *ports)
             if ros2 is not None:
                 _open_node(
-                    stack, conductor, ros2, topics, ros2_port, real_time, commands=access is None
-                )
+                    stack, conductor, ros2, topics, ros2_port, real_time, place,
+                    commands=access is None,
+                )  # fmt: skip
             _wait(conductor, real_time, paused, until)
     finally:
         signal.signal(signal.SIGTERM, before)
@@ -331,7 +339,7 @@ def _open_servers(
 
 def _open_node(
     stack: ExitStack, conductor: Conductor, distribution: str, topics: Path | None,
-    port: int | None, real_time: float, *, commands: bool,
+    port: int | None, real_time: float, origin: tuple[float, float] | None, *, commands: bool,
 ) -> None:  # fmt: skip
     from uuvsim_cosim.bridge.ros2.node import ROUTER_PORT, Ros2Node
 
@@ -339,6 +347,7 @@ def _open_node(
         Ros2Node(
             conductor, distribution, topics=topics, port=ROUTER_PORT if port is None else port,
             commands=commands, factor=real_time, report=lambda text: notice(f"ROS 2: {text}"),
+            origin=origin,
         )
     )  # fmt: skip
     router = "router" if node.is_router else "client of the router"
@@ -359,6 +368,8 @@ def _open_node(
         )
     for name in node.without_topic if topics is None else ():
         line(f"  note: {name}: a text has no topic")
+    for note in node.omitted:
+        line(f"  note: {note}")
     put("ros2", [{"topic": topic.name, "type": topic.type} for topic in node.topics])
     put("ros2_inputs", [{"topic": one.name, "type": one.type} for one in node.inputs])
     put("ros2_services", [{"name": name, "type": type_} for name, type_ in node.services.items()])

@@ -122,15 +122,21 @@ def edited_system(
     return system if flown is None else with_path(system, flown)
 
 
-def flown_path(waypoints: Path | None, origin: str | None) -> Waypoints | None:
-    """Return the waypoints of a file; None without one. Raises InputInvalid."""
+def flown_path(
+    waypoints: Path | None, origin: str | None, *, shared: bool = False
+) -> Waypoints | None:
+    """Return the waypoints of a file; None without one. Raises InputInvalid.
+
+    An `origin` that is `shared` is of use without waypoints, too.
+    """
     from uuvsim_cosim.commands.shared.waypoints import load_waypoints, origin_of
 
-    if waypoints is None:
-        if origin is not None:
-            raise InputInvalid(f"--origin {origin}: applies to --waypoints", "--waypoints as well")
-        return None
-    return load_waypoints(waypoints, None if origin is None else origin_of(origin))
+    place = None if origin is None else origin_of(origin)
+    if waypoints is not None:
+        return load_waypoints(waypoints, place, shared=shared)
+    if place is not None and not shared:
+        raise InputInvalid(f"--origin {origin}: applies to --waypoints", "--waypoints as well")
+    return None
 
 
 def with_path(system: System, flown: Waypoints) -> System:
