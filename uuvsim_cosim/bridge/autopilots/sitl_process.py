@@ -1,4 +1,4 @@
-"""The process of an ArduSub binary, which starts in an empty folder and ends with its run."""
+"""The process of an autopilot, which starts in an empty folder and ends with its run."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ import socket
 import subprocess
 import tempfile
 import time
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import final
 
@@ -17,7 +18,7 @@ from uuvsim_cosim.bridge.autopilots.json_interface import AutopilotLost
 from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.models.declaration.near_names import did_you_mean
 
-__all__ = ["HOME", "SitlProcess", "ardusub_binary"]
+__all__ = ["HOME", "MAVLINK_PORT", "SitlProcess", "ardusub_binary"]
 
 MAVLINK_PORT = 5760  # TCP, of instance 0; each further instance has 10 more
 HOME = (47.3, -122.5)  # degrees N and E of the origin of n; its altitude is 0
@@ -51,41 +52,35 @@ def ardusub_binary(path: str) -> Path:
 
 @final
 class SitlProcess:
-    """A running binary, its folder, and the connection to its first serial port (MAVLink)."""
+    """A running autopilot and its folder."""
 
     def __init__(
-        self, binary: Path, instance: int, folder: str, defaults: str, files: list[Path],
-        timeout: float,
+        self, name: str, command: Sequence[str], folder: str, files: Mapping[str, str],
+        environment: Mapping[str, str] | None = None,
     ) -> None:  # fmt: skip
-        """Start the binary with the parameters `defaults`, then those in `files`.
+        """Write the `files` and start the `command` beside them, with more of an `environment`.
 
-        With no `folder`, it runs in a temporary one, which is removed at the end. `timeout` [s] is
-        the longest wait for its serial port. Raises InputInvalid, or AutopilotLost if it ends.
+        With no `folder`, it runs in a temporary one, which is removed at the end. Raises
+        InputInvalid if the folder is not empty.
         """
+        self._name = name
         self._keeps = bool(folder)
         self.folder = Path(folder).expanduser().absolute() if folder else Path(
-            tempfile.mkdtemp(prefix="uuvsim-ardusub-")
+            tempfile.mkdtemp(prefix=f"uuvsim-{name.lower()}-")
         )  # fmt: skip
         if self.folder.exists() and any(self.folder.iterdir()):
-            raise InputInvalid(self.folder, "is not empty", "an empty or a new folder for ArduSub")
+            raise InputInvalid(self.folder, "is not empty", f"an empty or a new folder for {name}")
         self.folder.mkdir(parents=True, exist_ok=True)
-        (self.folder / "vehicle.parm").write_text(defaults)
-        own = ["vehicle.parm", *map(str, files)]
+        for file, text in files.items():
+            (self.folder / file).write_text(text)
         # A process that is killed cannot end its autopilot; the kernel does.
         bound = ["setpriv", "--pdeathsig", "KILL"] if shutil.which("setpriv") else []
         with (self.folder / "output.txt").open("wb") as output:
             self._process = subprocess.Popen(
-                [*bound, str(binary), "-S", "-w", "--model", "JSON:127.0.0.1", "--speedup", "1000",
-                 "--slave", "0", f"-I{instance}", "--home", f"{HOME[0]},{HOME[1]},0,0",
-                 "--defaults", ",".join(("@ROMFS/default_params/sub.parm", *own))],
-                cwd=self.folder, stdin=subprocess.DEVNULL, stdout=output,
+                [*bound, *command], cwd=self.folder, stdin=subprocess.DEVNULL, stdout=output,
                 stderr=subprocess.STDOUT, start_new_session=True,
+                env={**os.environ, **(environment or {})},
             )  # fmt: skip
-        try:
-            self.serial = self._connected(MAVLINK_PORT + 10 * instance, timeout)
-        except BaseException:
-            self.close()
-            raise
 
     def check(self) -> None:
         """Raise AutopilotLost if the process has ended."""
@@ -95,12 +90,12 @@ class SitlProcess:
         lines = (self.folder / "output.txt").read_text(errors="replace").strip().splitlines()
         how = f"by signal {-status}" if status < 0 else f"with status {status}"
         last = f"; its last line is {lines[-1]!r}" if lines else ""
-        raise AutopilotLost("the ArduSub binary", f"ended {how}{last}", "it to run until the end")
+        raise AutopilotLost(
+            f"the {self._name} binary", f"ended {how}{last}", "it to run until the end"
+        )
 
     def close(self) -> None:
         """End the process and remove a temporary folder; a second call does nothing."""
-        if hasattr(self, "serial"):
-            self.serial.close()
         for number in (signal.SIGTERM, signal.SIGKILL):
             with contextlib.suppress(ProcessLookupError, PermissionError):
                 os.killpg(self._process.pid, number)
@@ -110,8 +105,11 @@ class SitlProcess:
         if not self._keeps:
             shutil.rmtree(self.folder, ignore_errors=True)
 
-    def _connected(self, port: int, timeout: float) -> socket.socket:
-        """Connect to the serial port; the binary waits for that before it begins."""
+    def connected(self, port: int, timeout: float) -> socket.socket:
+        """Connect to a serial port within `timeout` [s]; ArduSub waits for that before it begins.
+
+        Raises AutopilotLost.
+        """
         start = time.monotonic()
         while True:
             with contextlib.suppress(OSError):
@@ -121,7 +119,8 @@ class SitlProcess:
             self.check()
             if time.monotonic() - start > timeout:
                 raise AutopilotLost(
-                    "the ArduSub binary", f"no connection at TCP port {port} for {timeout:g} s",
+                    f"the {self._name} binary",
+                    f"no connection at TCP port {port} for {timeout:g} s",
                     "its first serial port to listen there",
                 )  # fmt: skip
             time.sleep(0.02)
