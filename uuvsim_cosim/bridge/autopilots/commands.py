@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import logging
 import math
 import socket
@@ -123,7 +124,8 @@ class AutopilotCommands:
         """Write the collected messages."""
         if self._bytes:
             self._connection.settimeout(1.0)
-            self._connection.sendall(self._bytes)
+            with contextlib.suppress(ConnectionRefusedError):  # UDP: nobody listens there yet
+                self._connection.sendall(self._bytes)
             self._bytes.clear()
 
     def read(self) -> None:
@@ -133,7 +135,7 @@ class AutopilotCommands:
             while data := self._connection.recv(65_536):
                 for message in self._mav.parse_buffer(data) or ():
                     self._note(message)
-        except BlockingIOError:
+        except (BlockingIOError, ConnectionRefusedError):
             pass
 
     def close(self) -> None:

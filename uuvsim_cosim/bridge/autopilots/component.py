@@ -329,7 +329,8 @@ class Autopilot(ABC, Generic[L]):
         n, e, d = v["eta"][:3].tolist()
         R = rotation(v["q"])
         if t is None:
-            d, w, w_dot = lowered(d, timestamp / v["warm_up"], v["warm_up"])
+            whole = v["warm_up"]
+            d, w, w_dot = lowered(d, timestamp / whole, whole) if whole else (d, 0.0, 0.0)
             down = w_dot - v["g"]
             return Motion((0.0,) * 3, [down * a for a in R[2]], (n, e, d), (0.0, 0.0, w), R)
         u1, u2, u3, p, q, r = v["nu"].tolist()

@@ -12,13 +12,13 @@ import tempfile
 import time
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import final
+from typing import NamedTuple, final
 
 from uuvsim_cosim.bridge.autopilots.json_interface import AutopilotLost
 from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.models.declaration.near_names import did_you_mean
 
-__all__ = ["HOME", "MAVLINK_PORT", "SitlProcess", "ardusub_binary"]
+__all__ = ["HOME", "MAVLINK_PORT", "Px4Build", "SitlProcess", "ardusub_binary", "px4_build"]
 
 MAVLINK_PORT = 5760  # TCP, of instance 0; each further instance has 10 more
 HOME = (47.3, -122.5)  # degrees N and E of the origin of n; its altitude is 0
@@ -31,23 +31,67 @@ _OBTAIN = (
 _GRACE = 2.0  # s to end after a request
 
 
+_OBTAIN_PX4 = (
+    "PX4's simulation build: `git clone --recurse-submodules "
+    "https://github.com/PX4/PX4-Autopilot`, there `make px4_sitl_default`, "
+    "then --px4 build/px4_sitl_default"
+)
+_PX4_AIRFRAME = "uuv_bluerov2_heavy"
+
+
 def ardusub_binary(path: str) -> Path:
     """Return ArduSub's binary at a `path`, or that in the PATH if it is empty.
 
     Raises InputInvalid if there is none, or if it is another vehicle's.
     """
-    found = Path(path).expanduser() if path else Path(shutil.which("ardusub") or "ardusub")
-    if not found.is_file():
-        files = [p.name for p in found.parent.iterdir()] if path and found.parent.is_dir() else []
-        place = f"{found}" if path else "ardusub in the PATH"
-        raise InputInvalid(place, f"no such file{did_you_mean(found.name, files)}", _OBTAIN)
+    found = _file(path, "ardusub", _OBTAIN)
     data = found.read_bytes()
     if b"ArduSub V" not in data:
         others = [name for text, name in _NAMES.items() if text in data]
         raise InputInvalid(found, f"is {others[0] if others else 'no ArduSub'}", _OBTAIN)
-    if not os.access(found, os.X_OK):
-        raise InputInvalid(found, "may not be executed", f"`chmod +x {found}`")
-    return found.absolute()
+    return _executable(found)
+
+
+class Px4Build(NamedTuple):
+    """A build of PX4."""
+
+    binary: Path
+    etc: Path  # its start scripts
+    airframe: str  # number and name of the BlueROV2 Heavy's
+
+
+def px4_build(path: str) -> Px4Build:
+    """Return the build of PX4 at a `path`: its folder, or its binary; if empty, that in the PATH.
+
+    Raises InputInvalid if there is none, or if it has no start scripts for the BlueROV2 Heavy.
+    """
+    folder = Path(path).expanduser()
+    inside = str(folder / "bin" / "px4") if path and folder.is_dir() else path
+    binary = _executable(_file(inside, "px4", _OBTAIN_PX4)).resolve()
+    etc = binary.parent.parent / "etc"
+    scripts = etc / "init.d-posix"
+    if not (scripts / "rcS").is_file():
+        raise InputInvalid(scripts / "rcS", "no such file, a start script of PX4", _OBTAIN_PX4)
+    airframes = sorted(p.name for p in (scripts / "airframes").glob(f"*{_PX4_AIRFRAME}"))
+    if not airframes:
+        raise InputInvalid(scripts / "airframes", f"has no airframe {_PX4_AIRFRAME}", _OBTAIN_PX4)
+    return Px4Build(binary, etc, airframes[-1])
+
+
+def _file(path: str, name: str, obtain: str) -> Path:
+    """Return the file at a `path`, or `name` in the PATH if it is empty."""
+    found = Path(path).expanduser() if path else Path(shutil.which(name) or name)
+    if not found.is_file():
+        files = [p.name for p in found.parent.iterdir()] if path and found.parent.is_dir() else []
+        place = f"{found}" if path else f"{name} in the PATH"
+        raise InputInvalid(place, f"no such file{did_you_mean(found.name, files)}", obtain)
+    return found
+
+
+def _executable(file: Path) -> Path:
+    if not os.access(file, os.X_OK):
+        raise InputInvalid(file, "may not be executed", f"`chmod +x {file}`")
+    return file.absolute()
 
 
 @final

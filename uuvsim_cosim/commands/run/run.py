@@ -91,6 +91,10 @@ def run_command(
         str | None,
         typer.Option(help="ArduSub's simulation binary; by default `ardusub` in the PATH."),
     ] = None,
+    px4: Annotated[
+        str | None,
+        typer.Option(help="PX4's build folder, or its binary; by default `px4` in the PATH."),
+    ] = None,
     map_: Annotated[
         list[str] | None, typer.Option("--map", help=f"{MAP}, or component=FILE.ssm.")
     ] = None,
@@ -180,7 +184,7 @@ def run_command(
         refused = {
             "--waypoints": waypoints, "--origin": origin, "--replace": replace, "--map": map_,
             "--rate": rate, "--vehicle": vehicle, "--force": force, "--ardusub": ardusub,
-            "--real-time": real_time, "--isolate": isolate, "--scenario": scenario,
+            "--px4": px4, "--real-time": real_time, "--isolate": isolate, "--scenario": scenario,
             "--view": view, "--loops": loops,
         }  # fmt: skip
         for option, given in refused.items():
@@ -213,7 +217,8 @@ def run_command(
         changes["scenario"] = {"file": scenario.name}
     if out is not None:
         expect_folder(out)
-    edited = edited_system(system, waypoints, changes, loops, origin, vehicle, force, ardusub)
+    edited = edited_system(system, waypoints, changes, loops, origin, vehicle, force,
+                           {"ardusub": ardusub, "px4": px4})  # fmt: skip
     if real_time is None and overruns != "catch-up":
         raise InputInvalid(f"--overruns {overruns}: expected --real-time FACTOR with it")
     from uuvsim_cosim.orchestrator.master.real_time import Pace

@@ -109,6 +109,10 @@ def serve_command(
         str | None,
         typer.Option(help="ArduSub's simulation binary; by default `ardusub` in the PATH."),
     ] = None,
+    px4: Annotated[
+        str | None,
+        typer.Option(help="PX4's build folder, or its binary; by default `px4` in the PATH."),
+    ] = None,
     map_: Annotated[
         list[str] | None, typer.Option("--map", help=f"{MAP}, or component=FILE.ssm.")
     ] = None,
@@ -211,7 +215,8 @@ def serve_command(
 
             for text in allow(arm_real=arm_real, unsigned=unsigned):
                 notice(text)
-        served = edited_system(system, None, changes, loops, None, vehicle, force, ardusub)
+        served = edited_system(system, None, changes, loops, None, vehicle, force,
+                           {"ardusub": ardusub, "px4": px4})  # fmt: skip
         if not no_record:
             folder = out if out is not None else Path("runs") / f"{served.name}-{seed}"
     conductor = Conductor(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -38,18 +39,17 @@ Force = Annotated[
 def edited_system(
     name: str, waypoints: Path | None, changes: dict[str, dict[str, str]],
     loops: str | None = None, origin: str | None = None, vehicle: str | None = None,
-    force: bool = False, ardusub: str | None = None,
+    force: bool = False, binaries: Mapping[str, str | None] | None = None,
 ) -> System:  # fmt: skip
     """Load the system and apply the swaps, then rates, values, waypoints and the policies.
 
-    With a `vehicle`, `name` is a mission, and the system is made for both. `ardusub` is the path of
-    ArduSub's binary.
+    With a `vehicle`, `name` is a mission, and the system is made for both. `binaries` has
+    the paths of autopilots' binaries, by their schemes.
     """
     from uuvsim_cosim.commands.shared.waypoints import load_waypoints, origin_of
     from uuvsim_cosim.orchestrator.running.mission import with_waypoints
     from uuvsim_cosim.orchestrator.shipped.autopilot import (
-        ARDUSUB,
-        is_ardusub,
+        autopilot_of,
         with_autopilot,
         with_binary,
     )
@@ -70,16 +70,16 @@ def edited_system(
                 f"--map {component}: the component is not replaced", f"--replace {component}=SOURCE"
             )
     for component, source in swaps.items():
-        if is_ardusub(source):
-            full = source if ":" in source else ARDUSUB
-            system = with_autopilot(system, component, full)
+        if autopilot_of(source) is not None:
+            system = with_autopilot(system, component, source)
             continue
         # A file on the command line is relative to the current folder, not to the system's.
         mapping = Path(files[component]) if component in files else maps.get(component)
         system = system.replace(component, _from_here(source), map=mapping,
                                 rate=rates.get(component))  # fmt: skip
-    if ardusub is not None:
-        system = with_binary(system, ardusub)
+    for autopilot, binary in (binaries or {}).items():
+        if binary is not None:
+            system = with_binary(system, binary, autopilot)
     for component, step in rates.items():
         if component not in swaps:
             element = system.components.get(component)
