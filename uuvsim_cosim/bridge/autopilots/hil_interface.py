@@ -26,6 +26,7 @@ PORT = 4560  # TCP, of instance 0; each further instance has 1 more, as of all p
 _OURS, _THEIRS = 14540, 14580  # UDP, of the API link: commands to PX4, and its messages
 FIRST = 1  # µs, time of the first HIL_SENSOR
 _SLICE = 0.1  # s, between two looks whether the autopilot still runs
+_ENDING = 0.3  # s, in which a process ends whose connection has closed
 _STRAY = 10_000  # messages that may be ignored during one exchange
 _LOCKSTEP, _ARMED = 1, 128  # bits of HIL_ACTUATOR_CONTROLS: of `flags`, and of `mode`
 
@@ -86,8 +87,8 @@ class HilLink:
             ) from None
         self.onboard.connect(("127.0.0.1", _THEIRS + instance))
 
-    def accept(self, alive: Callable[[], None]) -> None:
-        """Wait until PX4 has connected; `alive` raises an error if it has ended.
+    def accept(self, alive: Callable[..., None]) -> None:
+        """Wait until PX4 has connected; `alive`, given a time [s] or not, raises if it has ended.
 
         Raises AutopilotLost.
         """
@@ -106,7 +107,7 @@ class HilLink:
         self._written += message.pack(self._mav)
         self._mav.seq = (self._mav.seq + 1) % 256
 
-    def first(self, wait: float, alive: Callable[[], None]) -> Controls | None:
+    def first(self, wait: float, alive: Callable[..., None]) -> Controls | None:
         """Write the messages; return PX4's first output if it arrives within `wait` [s].
 
         Raises AutopilotLost.
@@ -116,10 +117,11 @@ class HilLink:
         while (left := end - time.monotonic()) > 0.0:
             message = self._next(left, alive)
             if message is not None and message.get_type() == "HIL_ACTUATOR_CONTROLS":
+                self.received += 1
                 return self._judged(message)
         return None
 
-    def exchange(self, time_us: int, alive: Callable[[], None]) -> Controls:
+    def exchange(self, time_us: int, alive: Callable[..., None]) -> Controls:
         """Write the messages of a time, and return the outputs for it. Raises AutopilotLost."""
         self._write()
         end = time.monotonic() + self._timeout
@@ -132,6 +134,7 @@ class HilLink:
                 continue
             found = self._judged(message)
             if time_us - FIRST <= found.time <= time_us:
+                self.received += 1
                 return found
             if found.time > time_us:
                 raise self._lost(
@@ -165,10 +168,9 @@ class HilLink:
             if not math.isfinite(control):
                 raise self._lost(f"control {i} is {control} at {found.time} µs", "finite controls")
         self._last = found.time
-        self.received += 1
         return found
 
-    def _next(self, wait: float, alive: Callable[[], None]) -> Any:
+    def _next(self, wait: float, alive: Callable[..., None]) -> Any:
         """Return the next valid message within `wait` [s]; None if there is none."""
         assert self._connection is not None
         end = time.monotonic() + wait
@@ -183,8 +185,8 @@ class HilLink:
             except OSError:
                 data = b""
             if not data:
+                alive(_ENDING)
                 again = _readable(self._listener, 0.0)
-                alive()
                 raise self._lost(
                     f"it closed its connection{' and connected again' if again else ''}",
                     "one connection until the end; reset the simulation, so that both begin anew",

@@ -126,10 +126,11 @@ class SitlProcess:
                 env={**os.environ, **(environment or {})},
             )  # fmt: skip
 
-    def check(self) -> None:
-        """Raise AutopilotLost if the process has ended."""
-        status = self._process.poll()
-        if status is None:
+    def check(self, wait: float = 0.0) -> None:
+        """Raise AutopilotLost if the process has ended, or ends within `wait` [s]."""
+        try:
+            status = self._process.wait(wait)
+        except subprocess.TimeoutExpired:
             return
         lines = (self.folder / "output.txt").read_text(errors="replace").strip().splitlines()
         how = f"by signal {-status}" if status < 0 else f"with status {status}"

@@ -8,9 +8,10 @@ from fractions import Fraction
 from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.orchestrator.system.system import System
 
-__all__ = ["GUIDED", "autopilot_of", "bluerov2_with", "with_autopilot", "with_binary"]
+__all__ = ["AUTOPILOTS", "autopilot_of", "bluerov2_with", "with_autopilot", "with_binary"]
 
-GUIDED = {"ardusub": 4, "px4": 6}  # the autopilots, and their modes that follow a desired pose
+# Names, and numbers of the modes in which they follow a desired pose.
+AUTOPILOTS = {"ardusub": ("ArduSub", 4), "px4": ("PX4", 6)}
 LOOP = Fraction(1, 400)  # s, step of ArduSub's loop, and the fastest that PX4 integrates its IMU
 _MEASURED = {  # outputs of sensors, by component, and inputs of the autopilot
     "dvl": {"velocity": "dvl_velocity", "valid": "dvl_valid", "t_sample": "dvl_t_sample"},
@@ -25,7 +26,7 @@ _MEASURED = {  # outputs of sensors, by component, and inputs of the autopilot
 def autopilot_of(source: object) -> str | None:
     """Return the autopilot of a source such as ``px4`` or ``px4:?option=value``; None without."""
     scheme = source.partition(":")[0] if isinstance(source, str) else ""
-    return scheme if scheme in GUIDED else None
+    return scheme if scheme in AUTOPILOTS else None
 
 
 def with_autopilot(system: System, name: str, source: str = "ardusub:") -> System:
@@ -80,15 +81,17 @@ def with_autopilot(system: System, name: str, source: str = "ardusub:") -> Syste
                 system = system.connect(f"{sensor}.{output}", f"{name}.{input_}")
     for output, target in wanted:
         system = system.connect(output, f"{name}.{target}")
-    return system.set(f"{name}.arm", True).set(f"{name}.mode", GUIDED[scheme])
+    return system.set(f"{name}.arm", True).set(f"{name}.mode", AUTOPILOTS[scheme][1])
 
 
 def with_binary(system: System, path: str, autopilot: str = "ardusub") -> System:
     """Return the system with an autopilot's binary at `path`; raises InputInvalid without it."""
     flown = [n for n, c in system.components.items() if autopilot_of(c.source) == autopilot]
     if not flown:
-        raise InputInvalid(f"--{autopilot} {path}", f"no component of the system is {autopilot}",
-                           f"--replace controller={autopilot} as well")  # fmt: skip
+        raise InputInvalid(
+            f"--{autopilot} {path}", f"no component of the system is {AUTOPILOTS[autopilot][0]}",
+            f"--replace controller={autopilot} as well",
+        )  # fmt: skip
     for name in flown:
         source = str(system.components[name].source)
         if "binary=" not in source:
@@ -97,7 +100,7 @@ def with_binary(system: System, path: str, autopilot: str = "ardusub") -> System
     return system
 
 
-def bluerov2_with(autopilot: str, title: str, survey: System) -> System:
+def bluerov2_with(autopilot: str, survey: System) -> System:
     """Return the survey's vehicle with an autopilot on board: it dives to 5 m.
 
     The autopilot replaces navigation, guidance, controller and allocation. The start is 1 m deep.
@@ -107,7 +110,8 @@ def bluerov2_with(autopilot: str, title: str, survey: System) -> System:
         system = system.remove(gone)
     system = replace(
         system, name=f"bluerov2_{autopilot}", stop_time=60.0,
-        description=f"A BlueROV2 Heavy with the autopilot {title} on board dives to 5 m",
+        description=f"A BlueROV2 Heavy with the autopilot {AUTOPILOTS[autopilot][0]} on board "
+                    "dives to 5 m",
     )  # fmt: skip
     return system.set("controller.eta_d", (0.0, 0.0, 5.0, 0.0, 0.0, 0.0))
 

@@ -156,9 +156,9 @@ def bluerov2_survey() -> System:
 
 
 BUILDERS: dict[str, Callable[[], System]] = {
-    "bluerov2_ardusub": lambda: bluerov2_with("ardusub", "ArduSub", bluerov2_survey()),
+    "bluerov2_ardusub": lambda: bluerov2_with("ardusub", bluerov2_survey()),
     "bluerov2_hold": bluerov2_hold,
-    "bluerov2_px4": lambda: bluerov2_with("px4", "PX4", bluerov2_survey()),
+    "bluerov2_px4": lambda: bluerov2_with("px4", bluerov2_survey()),
     "bluerov2_survey": bluerov2_survey,
     "bluerov2_task": task_system,
     "pool_tracking": pool_tracking,
