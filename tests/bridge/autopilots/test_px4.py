@@ -335,3 +335,21 @@ def test_what_is_no_build_of_px4_is_refused_with_the_way_to_obtain_it(
         source(f"px4:?binary={binary}", tmp_path).instantiate("controller")
     with pytest.raises(InputInvalid, match="no component of the system is PX4"):
         with_binary(uuv.load("bluerov2_hold"), "px4", "px4")
+
+
+def test_paths_on_the_command_line_are_relative_to_the_current_folder(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from uuvsim_cosim.commands.shared.system_options import edited_system
+
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "a+b.params").write_text("EKF2_EV_CTRL 3\n")
+    changes: dict[str, dict[str, str]] = {"rate": {}, "map": {}, "set": {}, "replace": {}}
+    changes["replace"]["controller"] = "px4:?parameters=a%2Bb.params"
+    made = edited_system("bluerov2_hold", None, changes, binaries={"px4": "build & co"})
+    found = source(str(made.components["controller"].source), Path("/elsewhere"))
+    options = dict(found.options)
+    assert options["binary"] == str(tmp_path / "build & co")
+    assert options["parameters"] == str(tmp_path / "a+b.params")
+    shipped = edited_system("bluerov2_px4", None, changes | {"replace": {}}, binaries={"px4": "b"})
+    assert f"binary={tmp_path}/b" in str(shipped.components["controller"].source)

@@ -53,6 +53,7 @@ def edited_system(
         with_autopilot,
         with_binary,
     )
+    from uuvsim_cosim.orchestrator.system.resolve import resolve
 
     place = None if origin is None else origin_of(origin)
     flown = None if waypoints is None else load_waypoints(waypoints, place)
@@ -71,7 +72,8 @@ def edited_system(
             )
     for component, source in swaps.items():
         if autopilot_of(source) is not None:
-            system = with_autopilot(system, component, source)
+            full = resolve(source if ":" in source else f"{source}:", Path.cwd()).text
+            system = with_autopilot(system, component, full)
             continue
         # A file on the command line is relative to the current folder, not to the system's.
         mapping = Path(files[component]) if component in files else maps.get(component)
@@ -79,7 +81,8 @@ def edited_system(
                                 rate=rates.get(component))  # fmt: skip
     for autopilot, binary in (binaries or {}).items():
         if binary is not None:
-            system = with_binary(system, binary, autopilot)
+            path_of_it = str(Path(binary).expanduser().absolute())
+            system = with_binary(system, path_of_it, autopilot)
     for component, step in rates.items():
         if component not in swaps:
             element = system.components.get(component)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from fractions import Fraction
+from urllib.parse import quote
 
 from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.orchestrator.system.system import System
@@ -96,7 +97,7 @@ def with_binary(system: System, path: str, autopilot: str = "ardusub") -> System
         source = str(system.components[name].source)
         if "binary=" not in source:
             mark = "&" if "?" in source else "?"
-            system = system.replace(name, f"{source}{mark}binary={path}")
+            system = system.replace(name, f"{source}{mark}binary={quote(path, safe='/:~')}")
     return system
 
 
