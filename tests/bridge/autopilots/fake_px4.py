@@ -3,8 +3,8 @@
 It shares no code with the package, not even pymavlink, so that a mistake in one is seen by the
 other. It runs as ``bin/px4 -i INSTANCE -d ETC`` like PX4: it connects by TCP, is silent and unarmed
 at first, answers each HIL_SENSOR once it has begun, and ends with status 3 at the first message
-that breaks the protocol. ``FAKE=fault:N`` selects a fault after N answers; see `spoiled`.
-``FAKE=replay:FILE`` sends recorded controls (float32, 8 for each answer).
+that breaks the protocol. ``FAKE=fault:N`` selects a fault N answers after it was told to arm; see
+`spoiled`. ``FAKE=replay:FILE`` sends recorded controls (float32, 8 for each answer) from then on.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ import sys
 import time
 from typing import Any, NoReturn
 
-SILENT = 20  # messages of sensors before the first output
+SILENT = int(os.environ.get("SILENT", "20"))  # messages of sensors before the first output
 HEARTBEAT, MANUAL, COMMAND, SET_MODE_COMMAND, ARM_COMMAND = 0, 69, 76, 176, 400
 POSITION, ACTUATORS, SENSOR, GPS, RANGE, ODOMETRY = 84, 93, 107, 113, 132, 331
 # Of common.xml: name, CRC_EXTRA, layout with extensions, names of the fields.
@@ -134,18 +134,19 @@ class Vehicle:
     """The little of an autopilot that a dive needs: arm, mode, and depth from the pressure."""
 
     def __init__(self) -> None:
-        self.armed = False
+        self.armed = self.told = False
         self.mode = 1
         self.wanted = 0.0
         self.depth = 0.0
         self._rate = 0.0
+        self._is_first = True
 
     def command(self, number: int, m: dict[str, Any], system: int) -> None:
         """Take a message of the API link."""
         if number in (MANUAL, COMMAND, POSITION) and m["target"] != system:
             broken(f"{MESSAGES[number][0]}: target {m['target']}, expected {system}")
         if number == COMMAND and m["command"] == ARM_COMMAND:
-            self.armed = m["p1"] == 1.0
+            self.armed, self.told = m["p1"] == 1.0, True
         elif number == COMMAND and m["command"] == SET_MODE_COMMAND:
             if m["p1"] != 1.0:
                 broken("DO_SET_MODE: no custom mode")
@@ -156,6 +157,8 @@ class Vehicle:
     def sense(self, m: dict[str, Any], period: float) -> None:
         """Take all readings of HIL_SENSOR, which come each `period` [s]."""
         depth = (100.0 * m["abs_pressure"] - 101325.0) / (1025.0 * 9.80665)
+        if self._is_first:
+            self._is_first, self.depth = False, depth
         self._rate += 0.2 * ((depth - self.depth) / period - self._rate)
         self.depth = depth
 
@@ -238,7 +241,7 @@ def simulate(instance: int, fault: str, after: str) -> None:
         while data := link.recv(65_536):
             for number, m in reader.read(data):
                 log.write(
-                    json.dumps({"name": MESSAGES[number][0], "answers": answered, **m}) + "\n"
+                    json.dumps({"name": MESSAGES[number][0], "told": vehicle.told, **m}) + "\n"
                 )
                 if number != SENSOR and sensed == 0:
                     broken(f"{MESSAGES[number][0]} before the first HIL_SENSOR")
@@ -266,13 +269,13 @@ def simulate(instance: int, fault: str, after: str) -> None:
                 if sensed <= SILENT or fault == "never_answers":
                     continue
                 controls, armed = vehicle.controls(), vehicle.armed
-                if replayed:
+                if replayed and vehicle.told:
                     row = replayed[min(answered, len(replayed) - 1)]
                     controls, armed = [*row, *[0.0] * 8], True
                 answer = writer.actuators(last, controls, armed, 1)
                 if answered == number_of_fault:
                     answer = spoiled(fault, link, writer, instance, last, controls, answer)
-                answered += 1
+                answered += vehicle.told
                 link.sendall(answer)
 
 

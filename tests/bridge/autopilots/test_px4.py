@@ -117,7 +117,9 @@ def test_the_same_controls_give_the_same_bits_of_the_plant(
     ]
     for name in both[0]:
         np.testing.assert_array_equal(both[0][name], both[1][name], err_msg=name)
-    np.testing.assert_array_equal(both[0]["controller.controls"][:, :8], rows[: len(both[0].time)])
+    # The first outputs are those before the command to arm.
+    flown_by = both[0]["controller.controls"][1:, :8]
+    np.testing.assert_array_equal(flown_by, rows[: len(flown_by)])
     assert np.abs(both[0]["hull.nu"][-1]).max() > 0.01
 
 
@@ -145,8 +147,7 @@ def test_a_lost_autopilot_is_named_and_the_recording_is_complete(
     assert caught.value.recording is not None
     from uuvsim_cosim.orchestrator.recording.recording_reader import read_signals
 
-    # The first answer belongs to the start.
-    assert read_signals(caught.value.recording).time[-1] == pytest.approx(499 * 0.0025, abs=0.003)
+    assert read_signals(caught.value.recording).time[-1] == pytest.approx(500 * 0.0025)
 
 
 @pytest.mark.parametrize(
@@ -265,6 +266,21 @@ def test_two_vehicles_have_two_autopilots(
     signals = run(pair, until=0.5, out=tmp_path / "run", backend="native").signals()
     np.testing.assert_array_equal(signals["a.hull.eta"], signals["b.hull.eta"])
     assert signals["a.controller.armed"][-1]
+
+
+def test_neither_noise_nor_times_of_messages_depend_on_the_time_until_the_first_output(
+    px4: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    seen = []
+    for silent in (20, 33):
+        monkeypatch.setenv("SILENT", str(silent))
+        folder = tmp_path / str(silent)
+        flown(px4, tmp_path / f"run{silent}", "", monkeypatch, until=0.1,
+              options=f"&folder={folder}", noise=True)  # fmt: skip
+        sensors = [m for m in received(folder, "HIL_SENSOR") if m["told"]]
+        seen.append([{k: v for k, v in m.items() if k != "time_usec"} for m in sensors])
+    assert len(seen[0]) > 30
+    assert seen[0] == seen[1]
 
 
 def test_a_message_that_breaks_the_protocol_ends_the_px4_end(

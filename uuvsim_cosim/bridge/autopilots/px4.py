@@ -143,19 +143,25 @@ class PX4(Autopilot[HilLink]):
              **parameters},
         )  # fmt: skip
         self._commands = AutopilotCommands(link.onboard, self.name, link.instance + 1, shift=16)
-        self._random = np.random.default_rng(self._values["seed"].astype(np.uint32))
         link.accept(self._process.check)
         self._sent["gps"] = 0.0  # its first message follows HIL_SENSOR, which sets the clock
+        self._seed()
         boot = float(self._options["boot"])
         for k in range(math.ceil(boot * RATE)):
             self._sense(k / RATE, self._motion(0.0, None))
             found = link.first(1.0 / RATE, self._process.check)
             if found is not None:
+                # The number of steps until now depends on the clock; nothing after them does.
                 self._booted = (k + 1) / RATE
+                self._sent.clear()
+                self._seed()
                 self._set_outputs(found)
                 return
         raise AutopilotLost(self.name, f"no actuator output for {boot:g} s",
                             "one within this time, or a longer ?boot=")  # fmt: skip
+
+    def _seed(self) -> None:
+        self._random = np.random.default_rng(self._values["seed"].astype(np.uint32))
 
     def _tick(self, timestamp: float, t: float | None) -> None:
         assert self._link is not None
