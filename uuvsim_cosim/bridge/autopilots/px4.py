@@ -246,7 +246,6 @@ class PX4(Autopilot[HilLink]):
     def _set_outputs(self, found: Controls) -> None:
         assert self._link is not None
         assert self._commands is not None
-        self._commands.armed = found.armed
         c = found.controls
         self._values |= {
             "u": thruster_commands(c),
