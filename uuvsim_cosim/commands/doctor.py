@@ -23,7 +23,7 @@ EXTRAS = {
     "view": "`uuvsim view`, `--view`",
     "rerun": "`uuvsim export -o FILE.rrd`",
     "hydro": "added mass of a surface in `uuvsim models import`",
-    "mavlink": "ArduSub as a component, `--mavlink`, and its logs in `uuvsim identify`",
+    "mavlink": "ArduSub or PX4 as a component, `--mavlink`, and its logs in `uuvsim identify`",
     "ros": "`--ros2` of `uuvsim serve` and `uuvsim export`",
     "data": "`run.to_pandas()`, `run.to_xarray()`",
     "distributed": "`--ray`",

@@ -94,6 +94,10 @@ def run_command(
         str | None,
         typer.Option(help="ArduSub's simulation binary; by default `ardusub` in the PATH."),
     ] = None,
+    px4: Annotated[
+        str | None,
+        typer.Option(help="PX4's build folder, or its binary; by default `px4` in the PATH."),
+    ] = None,
     map_: Annotated[
         list[str] | None, typer.Option("--map", help=f"{MAP}, or component=FILE.ssm.")
     ] = None,
@@ -185,7 +189,7 @@ def run_command(
         refused = {
             "--waypoints": waypoints, "--origin": origin, "--replace": replace, "--map": map_,
             "--rate": rate, "--vehicle": vehicle, "--force": force, "--ardusub": ardusub,
-            "--real-time": real_time, "--isolate": isolate, "--scenario": scenario,
+            "--px4": px4, "--real-time": real_time, "--isolate": isolate, "--scenario": scenario,
             "--view": view, "--loops": loops, "--arm-real": arm_real, "--unsigned": unsigned,
         }  # fmt: skip
         for option, given in refused.items():
@@ -222,7 +226,8 @@ def run_command(
             "--replace mavlink:…", "a followed vehicle has the time of the wall clock",
             "--real-time 1 as well",
         )  # fmt: skip
-    edited = edited_system(system, waypoints, changes, loops, origin, vehicle, force, ardusub)
+    edited = edited_system(system, waypoints, changes, loops, origin, vehicle, force,
+                           {"ardusub": ardusub, "px4": px4})  # fmt: skip
     if real_time is None and overruns != "catch-up":
         raise InputInvalid(f"--overruns {overruns}: expected --real-time FACTOR with it")
     from uuvsim_cosim.orchestrator.master.real_time import Pace

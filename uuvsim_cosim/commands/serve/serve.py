@@ -125,6 +125,10 @@ def serve_command(
         str | None,
         typer.Option(help="ArduSub's simulation binary; by default `ardusub` in the PATH."),
     ] = None,
+    px4: Annotated[
+        str | None,
+        typer.Option(help="PX4's build folder, or its binary; by default `px4` in the PATH."),
+    ] = None,
     map_: Annotated[
         list[str] | None, typer.Option("--map", help=f"{MAP}, or component=FILE.ssm.")
     ] = None,
@@ -225,7 +229,8 @@ def serve_command(
     else:
         with_keyboards(lambda: named_system(system, vehicle), changes["replace"])
         permit_commands(changes["replace"], arm_real=arm_real, unsigned=unsigned)
-        served = edited_system(system, None, changes, loops, None, vehicle, force, ardusub)
+        served = edited_system(system, None, changes, loops, None, vehicle, force,
+                               {"ardusub": ardusub, "px4": px4})  # fmt: skip
         if flown is not None:
             if mavlink is None or has_path(served):
                 served = with_path(served, flown)
@@ -242,7 +247,7 @@ def serve_command(
         """Print the warnings that came up during the run, and the folders of its recordings."""
         for warning in conductor.warnings:
             if warning not in warned:
-                line(f"warning: {warning}")
+                remark("assumed", warning)
         for recorded in conductor.folders:
             line(f"recording  {tilde(recorded)}")
 
@@ -250,7 +255,7 @@ def serve_command(
     try:
         with ExitStack() as stack:
             for warning in conductor.warnings:
-                line(f"warning: {warning}")
+                remark("assumed", warning)
             stack.callback(print_rest, conductor.warnings)
             stack.callback(conductor.close)
             if mavlink is not None:

@@ -23,8 +23,8 @@ _FMU = {
 # Groups of options in the `--help` of commands that have many.
 GROUPS: dict[str, dict[str, tuple[str, ...]]] = {
     "run": {
-        _SYSTEM: ("--vehicle", "--set", "--replace", "--map", "--force", "--ardusub", "--loops",
-                  "--native", "--isolate", "--watchdog", "--arm-real", "--unsigned"),
+        _SYSTEM: ("--vehicle", "--set", "--replace", "--map", "--force", "--ardusub", "--px4",
+                  "--loops", "--native", "--isolate", "--watchdog", "--arm-real", "--unsigned"),
         _TIME: ("--until", "--start", "--rate", "--real-time", "--overruns"),
         _INPUTS: ("--input", "--waypoints", "--origin", "--scenario", "--seed"),
         OUTPUT: ("--out", "--record-every", "--no-report", "--open", "--view", "--port",
@@ -32,8 +32,8 @@ GROUPS: dict[str, dict[str, tuple[str, ...]]] = {
         "One FMU": ("--step", "--interface"),
     },
     "serve": {
-        _SYSTEM: ("--vehicle", "--set", "--replace", "--map", "--force", "--ardusub", "--loops",
-                  "--fmu", "--seed"),
+        _SYSTEM: ("--vehicle", "--set", "--replace", "--map", "--force", "--ardusub", "--px4",
+                  "--loops", "--fmu", "--seed"),
         _TIME: ("--real-time", "--paused", "--until", "--rate", "--fail-safe"),
         _CONNECTIONS: ("--host", "--port", "--tcp-port", "--http-port"),
         "ROS 2": ("--ros2", "--topics", "--ros2-port"),

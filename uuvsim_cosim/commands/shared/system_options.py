@@ -60,19 +60,19 @@ Unsigned = Annotated[
 def edited_system(
     name: str, waypoints: Path | None, changes: dict[str, dict[str, str]],
     loops: str | None = None, origin: str | None = None, vehicle: str | None = None,
-    force: bool = False, ardusub: str | None = None,
+    force: bool = False, binaries: Mapping[str, str | None] | None = None,
 ) -> System:  # fmt: skip
     """Load the system and apply the swaps, then rates, values, waypoints and the policies.
 
-    With a `vehicle`, `name` is a mission, and the system is made for both. `ardusub` is the path of
-    ArduSub's binary.
+    With a `vehicle`, `name` is a mission, and the system is made for both. `binaries` has
+    the paths of autopilots' binaries, by their schemes.
     """
     from uuvsim_cosim.orchestrator.shipped.autopilot import (
-        ARDUSUB,
-        is_ardusub,
+        autopilot_of,
         with_autopilot,
         with_binary,
     )
+    from uuvsim_cosim.orchestrator.system.resolve import resolve
 
     flown = flown_path(waypoints, origin)
     system = named_system(name, vehicle)
@@ -93,16 +93,18 @@ def edited_system(
                 f"--map {component}: the component is not replaced", f"--replace {component}=SOURCE"
             )
     for component, source in swaps.items():
-        if is_ardusub(source):
-            full = source if ":" in source else ARDUSUB
+        if autopilot_of(source) is not None:
+            full = resolve(source if ":" in source else f"{source}:", Path.cwd()).text
             system = with_autopilot(system, component, full)
             continue
         # A file on the command line is relative to the current folder, not to the system's.
         mapping = Path(files[component]) if component in files else maps.get(component)
         system = system.replace(component, _from_here(source), map=mapping,
                                 rate=rates.get(component))  # fmt: skip
-    if ardusub is not None:
-        system = with_binary(system, ardusub)
+    for autopilot, binary in (binaries or {}).items():
+        if binary is not None:
+            path_of_it = str(Path(binary).expanduser().absolute())
+            system = with_binary(system, path_of_it, autopilot)
     for component, step in rates.items():
         if component not in swaps:
             element = system.components.get(component)
