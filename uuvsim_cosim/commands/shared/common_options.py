@@ -53,7 +53,7 @@ GROUPS: dict[str, dict[str, tuple[str, ...]]] = {
         OUTPUT: ("--save-as", "--manoeuvre"),
     },
     "train": {
-        _TASK: ("--task-set", "--curriculum", "--profile"),
+        _TASK: ("--task-set", "--force", "--curriculum", "--profile"),
         "Algorithm": ("--algo", "--set", "--config", "--seed", "--seeds"),
         _LENGTH: ("--envs", "--steps", "--evaluate-every", "--evaluation-episodes", "--ray"),
         OUTPUT: ("--out", "--restart", "--no-report", "--open"),
