@@ -56,7 +56,8 @@ def test_below_the_bench_rows_each_way_to_run_computes_the_same_bits(tmp_path: P
     system = supplied("t200", soc_0=0.01)
     backends: tuple[Literal["native", "fmu"], ...] = ("native", "fmu")
     thrust = [
-        uuv.run(system, until=1, out=tmp_path / b, backend=b).signals()["t.thrust"] for b in backends
+        uuv.run(system, until=1, out=tmp_path / b, backend=b).signals()["t.thrust"]
+        for b in backends
     ]
     with uuv.fuse(system).batch(1) as batch:
         of_kernel = [float(batch.get("t.thrust")[0])]
