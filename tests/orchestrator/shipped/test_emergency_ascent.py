@@ -1,6 +1,5 @@
 """The emergency ascent of a vehicle with fins, started by a scenario."""
 
-from pathlib import Path
 
 import numpy as np
 import pytest
