@@ -52,6 +52,11 @@ GROUPS: dict[str, dict[str, tuple[str, ...]]] = {
         "Fit": ("--parameters", "--no-proposals"),
         OUTPUT: ("--save-as", "--manoeuvre"),
     },
+    "study": {
+        _SYSTEM: ("--force", "--loops", "--master"),
+        "Execution": ("--jobs", "--restart", "--ray"),
+        OUTPUT: ("--out", "--no-report", "--open"),
+    },
     "train": {
         _TASK: ("--task-set", "--force", "--curriculum", "--profile"),
         "Algorithm": ("--algo", "--set", "--config", "--seed", "--seeds"),
