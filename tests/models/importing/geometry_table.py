@@ -38,7 +38,7 @@ def box(length: float, breadth: float, height: float) -> Array:
     c = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], dtype=float)
     quads = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
     faces = [f for a, b, d, e in quads for f in ((a, b, d), (a, d, e))]
-    return c[np.array(faces)] * np.array([length, breadth, height]) / 2
+    return np.asarray(c[np.array(faces)] * np.array([length, breadth, height]) / 2)
 
 
 def revolved(x: Array, y: Array, z: Array, n: int) -> Array:

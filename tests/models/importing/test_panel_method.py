@@ -87,7 +87,7 @@ def test_the_ends_of_a_long_cylinder_cost_as_much_as_those_of_a_longer_one() -> 
 def test_a_cylinder_across_its_axis_has_the_added_mass_of_rings_of_sources(length: float) -> None:
     pytest.importorskip("capytaine")
     by_rings = across(profile(length))
-    assert solved(cylinder(length, 1.0))[1, 1] == pytest.approx(by_rings, rel=3e-3)
+    assert solved(cylinder(length, 1.0))[1, 1] == pytest.approx(by_rings, rel=5e-3)
 
 
 @pytest.mark.slow
