@@ -1,6 +1,5 @@
 """The emergency ascent of a vehicle with fins, started by a scenario."""
 
-
 import numpy as np
 import pytest
 
