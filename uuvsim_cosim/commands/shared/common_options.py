@@ -53,8 +53,13 @@ GROUPS: dict[str, dict[str, tuple[str, ...]]] = {
         "Fit": ("--parameters", "--no-proposals"),
         OUTPUT: ("--save-as", "--manoeuvre"),
     },
+    "study": {
+        _SYSTEM: ("--force", "--loops", "--master"),
+        "Execution": ("--jobs", "--restart", "--ray"),
+        OUTPUT: ("--out", "--no-report", "--open"),
+    },
     "train": {
-        _TASK: ("--task-set", "--curriculum", "--profile"),
+        _TASK: ("--task-set", "--force", "--curriculum", "--profile"),
         "Algorithm": ("--algo", "--set", "--config", "--seed", "--seeds"),
         _LENGTH: ("--envs", "--steps", "--evaluate-every", "--evaluation-episodes", "--ray"),
         OUTPUT: ("--out", "--restart", "--no-report", "--open"),
