@@ -7,7 +7,7 @@ import os
 import threading
 import time
 from collections import deque
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, final
@@ -24,6 +24,7 @@ from uuvsim_cosim.bridge.ros2.rmw_zenoh import (
     topic_key,
     topic_token,
 )
+from uuvsim_cosim.bridge.ros2.rows import Layout
 from uuvsim_cosim.bridge.ros2.topic_writer import (
     TRANSFORMS,
     TopicWriter,
@@ -31,7 +32,7 @@ from uuvsim_cosim.bridge.ros2.topic_writer import (
     parameters_of,
     typestore,
 )
-from uuvsim_cosim.bridge.ros2.topics import Topic, Variable, read_topics, topics_of
+from uuvsim_cosim.bridge.ros2.topics import Topic, read_topics, topics_of
 from uuvsim_cosim.bridge.server.conductor import Conductor
 from uuvsim_cosim.bridge.zenoh.session import (
     Disconnected,
@@ -42,8 +43,7 @@ from uuvsim_cosim.bridge.zenoh.session import (
 )
 from uuvsim_cosim.closing import Owner, started
 from uuvsim_cosim.errors import InputInvalid
-from uuvsim_cosim.orchestrator.master.core_library import Type
-from uuvsim_cosim.orchestrator.master.observer import Chunk, Column, seconds
+from uuvsim_cosim.orchestrator.master.observer import Chunk, Column
 from uuvsim_cosim.orchestrator.plan.plan import Plan
 
 if TYPE_CHECKING:
@@ -104,18 +104,11 @@ class Ros2Node(Owner):
 
     def begin(self, plan: Plan, columns: Sequence[Column]) -> None:
         """Declare the topics of a new run."""
-        held: dict[str, list[int]] = {}
-        self.without_topic = [c.name for c in columns if c.type.is_blob]
-        for i, c in enumerate(columns):
-            if not c.type.is_blob:
-                held.setdefault(f"{c.path}.{c.variable.name}", []).append(i)
-        kinds = {
-            name: Variable(_kind(columns[at[0]].type), len(at) if columns[at[0]].index else 0)
-            for name, at in held.items()
-        }
-        chosen = topics_of(kinds) if self._file is None else read_topics(self._file, kinds)
-        self.topics = chosen
-        self._publishing = _Publishing(self._ends, chosen, plan, columns, held, self._publishing)
+        layout = Layout(columns, plan.tick)
+        self.without_topic = [columns[i].name for i in layout.texts]
+        kinds = layout.variables
+        self.topics = topics_of(kinds) if self._file is None else read_topics(self._file, kinds)
+        self._publishing = _Publishing(self._ends, self.topics, plan, layout, self._publishing)
 
     def observe(self, chunk: Chunk) -> None:
         """Copy the newest rows; never wait."""
@@ -179,15 +172,10 @@ class _Publishing:
         ends: _Ends,
         topics: Sequence[Topic],
         plan: Plan,
-        columns: Sequence[Column],
-        held: Mapping[str, list[int]],
+        layout: Layout,
         before: _Publishing | None,
     ) -> None:
-        self._ends, self._columns, self._tick = ends, columns, plan.tick
-        self._held = {
-            name: np.array(at) if columns[at[0]].index is not None else np.array(at[0])
-            for name, at in held.items()
-        }
+        self._ends, self._layout = ends, layout
         parameters = parameters_of(plan, {topic.component for topic in topics})
         self.made: dict[str, _Publisher] = {} if before is None else before.made
         self._writers = [TopicWriter(topic, ends.store, parameters) for topic in topics]
@@ -205,7 +193,7 @@ class _Publishing:
 
     def publish(self, ticks: Array, rows: Array) -> None:
         """Publish rows, for the topics that are wanted."""
-        block = _Rows(seconds(ticks, self._tick), rows, self._held, self._columns)
+        block = self._layout.rows(ticks, rows)
         if "/clock" in self._wanted:
             stamps = np.rint(block.time * 1e9).astype(np.int64)
             messages = self._clock.rows(len(stamps), {
@@ -252,23 +240,6 @@ class _Publisher:
         self._raw.put(message, attachment=attachment(self._number, time.time_ns(), self._gid))
 
 
-class _Rows:
-    """Rows of the master by the names of their signals."""
-
-    def __init__(
-        self, time_: Array, rows: Array, held: Mapping[str, Array], columns: Sequence[Column]
-    ) -> None:
-        self.time, self._rows, self._held, self._columns = time_, rows, held, columns
-
-    def __getitem__(self, name: str) -> Array:
-        at = self._held[name]
-        type_, slots = self._columns[int(at.flat[0])].type, self._rows[:, at]
-        return slots.astype(bool) if type_ == Type.Boolean else slots.view(type_.dtype)
-
-    def __contains__(self, name: object) -> bool:
-        return name in self._held
-
-
 def _session(port: int) -> tuple[WrappedSession, bool]:
     """Return a session with the router at a port of this machine, or the router's itself."""
     settings = {"scouting/gossip/enabled": True}  # nodes of rmw_zenoh find each other by it
@@ -289,10 +260,6 @@ def _latched(session: WrappedSession, key: str) -> Any:
 
     cache = ext.CacheConfig(max_samples=1)
     return ext.declare_advanced_publisher(session.raw, key, cache=cache, publisher_detection=True)
-
-
-def _kind(type_: Type) -> str:
-    return "b" if type_ == Type.Boolean else type_.dtype[0]
 
 
 def _domain() -> int:

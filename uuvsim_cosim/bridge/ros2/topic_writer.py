@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from uuvsim_cosim.bridge.ros2.cdr import MessageLayout
 from uuvsim_cosim.bridge.ros2.conversions import CONVERSIONS, sensor_figures
 from uuvsim_cosim.bridge.ros2.frames import Array, body, body_quaternion, euler_quaternion
+from uuvsim_cosim.bridge.ros2.rows import Block
 from uuvsim_cosim.bridge.ros2.topics import Topic
 from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.orchestrator.plan.plan import Plan
@@ -18,8 +19,8 @@ from uuvsim_cosim.orchestrator.plan.plan import Plan
 if TYPE_CHECKING:
     from rosbags.typesys.store import Typestore
 
-__all__ = ["DISTRIBUTIONS", "TRANSFORMS", "Block", "TopicWriter", "mounted", "parameters_of",
-           "typestore"]  # fmt: skip
+__all__ = ["DISTRIBUTIONS", "TRANSFORMS", "Mount", "TopicColumns", "TopicWriter", "mounted",
+           "mounts_of", "parameters_of", "typestore"]  # fmt: skip
 
 TRANSFORMS = "tf2_msgs/msg/TFMessage"
 DISTRIBUTIONS = ("humble", "jazzy", "kilted", "lyrical")
@@ -38,20 +39,6 @@ def typestore(distribution: str) -> Typestore:
     return get_typestore(Stores[f"ROS2_{distribution.upper()}"])
 
 
-class Block(Protocol):
-    """Rows of signals: `time` (n,) [s], and (n,) or (n, size) for a name."""
-
-    @property
-    def time(self) -> Array:
-        """Times [s]."""
-
-    def __getitem__(self, name: str, /) -> Array:
-        """Return a signal."""
-
-    def __contains__(self, name: object, /) -> bool:
-        """Return whether there is a signal."""
-
-
 def parameters_of(plan: Plan, components: Iterable[str]) -> dict[str, dict[str, Array]]:
     """Return the numeric parameters of components, by their paths."""
     wanted = set(components)
@@ -66,63 +53,77 @@ def parameters_of(plan: Plan, components: Iterable[str]) -> dict[str, dict[str, 
     }
 
 
+class Mount(NamedTuple):
+    """A frame that does not move in another one: translation (1, 3) [m] and rotation (1, 4)."""
+
+    parent: str
+    child: str
+    translation: Array
+    rotation: Array
+
+
+def mounts_of(
+    topics: Iterable[Topic], parameters: Mapping[str, Mapping[str, Array]]
+) -> list[Mount]:
+    """Return the frames of sensors whose place is known, `r_s` and `Theta_s` from b."""
+    frames = {t.frame: parameters.get(t.component, {}) for t in topics}
+    found = []
+    for name, p in frames.items():
+        if name.endswith("_link") and name != "base_link" and "r_s" in p:
+            parent = f"{name.rpartition('/')[0]}/base_link".removeprefix("/")
+            q = euler_quaternion(p.get("Theta_s", np.zeros(3)).reshape(1, 3))
+            found.append(Mount(parent, name, body(p["r_s"].reshape(1, 3)), body_quaternion(q)))
+    return found
+
+
 def mounted(
     store: Typestore, topics: Iterable[Topic], parameters: Mapping[str, Mapping[str, Array]]
 ) -> Array:
-    """Return the message of /tf_static with the frames of sensors, `r_s` and `Theta_s` from b.
-
-    Without a sensor whose place is known, it is empty.
-    """
-    frames = {t.frame: parameters.get(t.component, {}) for t in topics}
-    known = {name: p for name, p in frames.items() if name.endswith("_link") and "r_s" in p}
-    known.pop("base_link", None)
+    """Return the message of /tf_static; without a sensor whose place is known, it is empty."""
+    known = mounts_of(topics, parameters)
     if not known:
         return np.zeros(0, np.uint8)
     texts, columns = {}, {}
-    for i, (name, p) in enumerate(known.items()):
-        at, above = f"transforms.{i}", name.rpartition("/")[0]
-        texts[f"{at}.header.frame_id"] = f"{above}/base_link".removeprefix("/")
-        texts[f"{at}.child_frame_id"] = name
-        q = euler_quaternion(p.get("Theta_s", np.zeros(3)).reshape(1, 3))
-        columns[f"{at}.transform.translation"] = body(p["r_s"].reshape(1, 3))
-        columns[f"{at}.transform.rotation"] = body_quaternion(q)
+    for i, mount in enumerate(known):
+        at = f"transforms.{i}"
+        texts[f"{at}.header.frame_id"] = mount.parent
+        texts[f"{at}.child_frame_id"] = mount.child
+        columns[f"{at}.transform.translation"] = mount.translation
+        columns[f"{at}.transform.rotation"] = mount.rotation
     layout = MessageLayout(store, TRANSFORMS, texts, {"transforms": len(known)})
     return layout.rows(1, columns).ravel()
 
 
 @dataclass
-class TopicWriter:
-    """Messages of a topic, block by block; `count` of them so far."""
+class TopicColumns:
+    """New samples of a topic, block by block, as columns of its message's fields."""
 
     topic: Topic
-    store: Typestore
     parameters: Mapping[str, Mapping[str, Array]]
-    count: int = 0
-    _last: float = -np.inf  # time of the last message [s]
-    _layout: MessageLayout | None = None
+    _last: float = -np.inf  # time of the last sample [s]
+    _at: float = -np.inf  # time of the last row [s]
     _figures: dict[str, float] = field(default_factory=dict)
 
-    def messages(self, block: Block) -> tuple[Array, Array]:
-        """Return the times [ns] and bytes (n, size) of the messages of a block."""
+    def columns(self, block: Block) -> tuple[Array, dict[str, Array]]:
+        """Return the times [s] of the samples, and the columns."""
         time, chosen = self._samples(block)
         values = {
             role: np.asarray(block[name])[chosen] for role, name in self.topic.signals.items()
         }
-        n = len(time)
-        self.count += n
-        if not n:
-            return np.zeros(0, np.int64), np.zeros((0, 0), np.uint8)
+        if not len(time):
+            return time, {}
         if self.topic.type in CONVERSIONS:
-            columns = CONVERSIONS[self.topic.type].columns(values, self._of_sensor(time))
-        else:
-            columns = {"data": values["data"]}
-        stamps = np.rint(time * 1e9).astype(np.int64)
-        return stamps, self._rows(stamps, columns)
+            return time, CONVERSIONS[self.topic.type].columns(values, self._of_sensor(time))
+        return time, {"data": values["data"]}
 
     def _samples(self, block: Block) -> tuple[Array, Array]:
-        """Return the times [s] of new messages, and the rows of the block that hold them."""
+        """Return the times [s] of new samples, and the rows of the block that hold them."""
         path = self.topic.component
         time, keep = block.time, np.ones(len(block.time), bool)
+        if len(time):
+            if time[0] < self._at:  # a reset, or an earlier snapshot
+                self._last = -np.inf
+            self._at = float(time[-1])
         if f"{path}.t_sample" in block and not self.topic.type.startswith("std_msgs"):
             time = np.asarray(block[f"{path}.t_sample"])
             before = np.concatenate([[max(self._last, -1.0)], time[:-1]])
@@ -150,6 +151,29 @@ class TopicWriter:
             period = float(np.min(np.diff(time)))
             self._figures = sensor_figures(self.topic.type, self.parameters[path], period)
         return self._figures
+
+
+@dataclass
+class TopicWriter:
+    """Messages of a topic, block by block; `count` of them so far."""
+
+    topic: Topic
+    store: Typestore
+    parameters: Mapping[str, Mapping[str, Array]]
+    count: int = 0
+    _layout: MessageLayout | None = None
+
+    def __post_init__(self) -> None:
+        self._columns = TopicColumns(self.topic, self.parameters)
+
+    def messages(self, block: Block) -> tuple[Array, Array]:
+        """Return the times [ns] and bytes (n, size) of the messages of a block."""
+        time, columns = self._columns.columns(block)
+        self.count += len(time)
+        if not len(time):
+            return np.zeros(0, np.int64), np.zeros((0, 0), np.uint8)
+        stamps = np.rint(time * 1e9).astype(np.int64)
+        return stamps, self._rows(stamps, columns)
 
     def _rows(self, stamps: Array, columns: dict[str, Array]) -> Array:
         prefix = "transforms.0." if self.topic.type == TRANSFORMS else ""
