@@ -105,7 +105,7 @@ class Ros2Node(Owner):
     def begin(self, plan: Plan, columns: Sequence[Column]) -> None:
         """Declare the topics of a new run."""
         layout = Layout(columns, plan.tick)
-        self.without_topic = [columns[i].name for i in layout.texts]
+        self.without_topic = list(layout.texts)
         kinds = layout.variables
         self.topics = topics_of(kinds) if self._file is None else read_topics(self._file, kinds)
         self._publishing = _Publishing(self._ends, self.topics, plan, layout, self._publishing)

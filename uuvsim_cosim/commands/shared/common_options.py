@@ -36,6 +36,7 @@ GROUPS: dict[str, dict[str, tuple[str, ...]]] = {
         _TIME: ("--real-time", "--paused", "--until", "--rate", "--fail-safe"),
         _CONNECTIONS: ("--host", "--port", "--tcp-port", "--http-port"),
         "ROS 2": ("--ros2", "--topics", "--ros2-port"),
+        "Foxglove": ("--foxglove", "--foxglove-port"),
         "MAVLink": ("--mavlink", "--arm-real", "--unsigned"),
         "Access": ("--access", "--anyone", "--no-code"),
         OUTPUT: ("--out", "--no-record"),
@@ -101,6 +102,7 @@ EXAMPLES: dict[str, tuple[str, ...]] = {
     "serve": (
         "serve bluerov2_hold",
         "serve bluerov2_hold --paused --no-record",
+        "serve bluerov2_survey --foxglove",
         "serve bluerov2_hold --replace pilot=keyboard --mavlink udpout:127.0.0.1:14550",
         "serve runs/bluerov2_survey-0",
     ),
