@@ -241,10 +241,11 @@ class _Transforms(_Typed):
 
     def whole(self, newest: Block) -> Iterator[Message]:
         [stamp] = nanoseconds(newest.time)
-        yield self._message(stamp, [
-            (m.parent, m.child, m.translation[0].tolist(), m.rotation[0].tolist())
-            for m in self._mounts
-        ])  # fmt: skip
+        if self._mounts:
+            yield self._message(stamp, [
+                (m.parent, m.child, m.translation[0].tolist(), m.rotation[0].tolist())
+                for m in self._mounts
+            ])  # fmt: skip
         yield from self.messages(newest)
 
     def _message(self, at: int, transforms: Iterable[tuple[str, str, Any, Any]]) -> Message:

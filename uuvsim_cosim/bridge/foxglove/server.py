@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import logging
 import threading
 import time
 from collections import deque
@@ -47,6 +48,9 @@ def foxglove_sdk() -> Any:
         raise InputInvalid(
             "Foxglove", "foxglove-sdk is not installed", "`pip install 'uuvsim-cosim[foxglove]'`"
         ) from None
+    log = logging.getLogger("foxglove")
+    if log.level == logging.NOTSET:  # a client gets its errors as a status; a flood stays silent
+        log.setLevel(logging.CRITICAL + 1)
     return foxglove
 
 
@@ -76,7 +80,6 @@ class FoxgloveServer(Owner):
         drawing: Drawing | None = None,
     ) -> None:
         self._sdk = foxglove_sdk()
-        self._sdk._foxglove_py.disable_logging()  # clients get each message, not this terminal
         given = Permissions() if permissions is None else permissions
         self._conductor, self._drawing = conductor, drawing
         self._client = Client("foxglove", "foxglove", given.allowed)

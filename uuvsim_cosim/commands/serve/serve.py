@@ -354,9 +354,8 @@ def _open_foxglove(
 
     permissions = foxglove_permissions(opened)
     server = stack.enter_context(FoxgloveServer(conductor, port, permissions, drawing=drawing))
-    who = (
-        "every program on this machine" if all(map(is_loopback, permissions.hosts)) else "everybody"
-    )
+    here = all(map(is_loopback, permissions.hosts))
+    who = "every program on this machine" if here else "everybody who reaches it"
     may = "read, set and step it" if "step" in permissions.allowed else "read it"
     line(f"  Foxglove  {', '.join(server.addresses)}; {who} can {may}, without token")
     if permissions.reason:
