@@ -171,8 +171,8 @@ def _values(message: dict[str, Any]) -> dict[str, Any]:
 @contextmanager
 def connected(port: int, **options: Any) -> Iterator[FoxgloveClient]:
     """Connect as Foxglove does."""
-    with connect(
-        f"{'wss' if 'ssl' in options else 'ws'}://127.0.0.1:{port}", subprotocols=[Subprotocol("foxglove.sdk.v1")],
-        **{"proxy": None, "max_size": None, "max_queue": None, **options},
-    ) as raw:  # fmt: skip
+    scheme = "wss" if "ssl" in options else "ws"
+    settings = {"proxy": None, "max_size": None, "max_queue": None, **options}
+    spoken = [Subprotocol("foxglove.sdk.v1")]
+    with connect(f"{scheme}://127.0.0.1:{port}", subprotocols=spoken, **settings) as raw:
         yield FoxgloveClient(raw)

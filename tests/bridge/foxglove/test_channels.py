@@ -14,7 +14,7 @@ import pytest
 from numpy.typing import NDArray
 
 import uuvsim_cosim as uuv
-from tests.bridge.foxglove.client import FoxgloveClient, connected
+from tests.bridge.foxglove.client import FoxgloveClient, connected, decoder
 from uuvsim_cosim.bridge.calls.service import Client
 from uuvsim_cosim.bridge.foxglove.channels import Message, Output, json_form, outputs_of
 from uuvsim_cosim.bridge.foxglove.georeference import around, georeference_of
@@ -23,6 +23,7 @@ from uuvsim_cosim.bridge.ros2.rows import Block, Layout
 from uuvsim_cosim.bridge.server.conductor import Conductor
 from uuvsim_cosim.orchestrator.master.observer import Column
 from uuvsim_cosim.orchestrator.plan.flatten import flatten
+from uuvsim_cosim.orchestrator.plan.plan import Plan
 
 PARTS = Path(__file__).parents[1] / "parts.py"
 ME = Client("me", "local")
@@ -172,17 +173,19 @@ def test_frames_of_sensors_come_with_the_subscription(
 
 def test_a_channel_is_encoded_only_while_it_has_a_subscriber(sums: Conductor) -> None:
     watched, alone = Counted("/watched"), Counted("/alone")
-    with FoxgloveServer(sums, 0, drawing=lambda plan: [watched, alone]) as server:
-        with connected(server.port) as client:
-            client.subscribe("/watched", "/a")
-            moved(client, sums, "/watched")
-            number = [k for k, c in client._by_id.items() if c["topic"] == "/watched"]
-            client.send(op="unsubscribe", subscriptionIds=number)
-            channel = server._run.channels["/watched"][1]  # type: ignore[union-attr]
-            client.wait(lambda m: not channel.has_sinks(), lambda: sums.step(ME, 1, {}, ()))
-            before = watched.rows
-            now = sums.step(ME, 5, {}, ())[0]
-            client.message("/a", lambda m: m["at"] == pytest.approx(now.time))
+    with (
+        FoxgloveServer(sums, 0, drawing=lambda plan: [watched, alone]) as server,
+        connected(server.port) as client,
+    ):
+        client.subscribe("/watched", "/a")
+        moved(client, sums, "/watched")
+        number = [k for k, c in client._by_id.items() if c["topic"] == "/watched"]
+        client.send(op="unsubscribe", subscriptionIds=number)
+        channel = server._run.channels["/watched"][1]  # type: ignore[union-attr]
+        client.wait(lambda m: not channel.has_sinks(), lambda: sums.step(ME, 1, {}, ()))
+        before = watched.rows
+        now = sums.step(ME, 5, {}, ())[0]
+        client.message("/a", lambda m: m["at"] == pytest.approx(now.time))
     assert watched.rows == before
     assert alone.rows == 0
     assert alone.times == []
@@ -197,7 +200,8 @@ def test_a_subscriber_of_a_paused_system_gets_its_values(sums: Conductor) -> Non
     assert message["data"]["s"] == pytest.approx(0.6)
 
 
-def test_a_value_that_is_not_finite_is_null_and_has_no_pose() -> None:
+def survey_layout() -> tuple[Plan, Layout]:
+    """Return the layout of all outputs of a system."""
     plan = flatten(uuv.load("bluerov2_survey"))
     columns = [
         column
@@ -205,9 +209,13 @@ def test_a_value_that_is_not_finite_is_null_and_has_no_pose() -> None:
         for v in c.description.of("output")
         for column in Column.of(c.path, v)
     ]
-    layout = Layout(columns, plan.tick)
-    nothing = {name: np.full(at.size, np.nan) for name, at in layout.places.items()}
-    row = layout.row(0.1, {**nothing, **{n: ["?"] * at.size for n, at in layout.texts.items()}})
+    return plan, Layout(columns, plan.tick)
+
+
+def test_a_value_that_is_not_finite_is_null_and_has_no_pose() -> None:
+    plan, layout = survey_layout()
+    nan = {name: np.full(at.size, np.nan) for name, at in layout.places.items()}
+    row = layout.row(0.1, {**nan, **{n: ["?"] * at.size for n, at in layout.texts.items()}})
     for output in outputs_of(plan, layout, around(0.0, 0.0)):
         messages = [data for _, data in output.whole(row)]
         if output.form.encoding == "json":
@@ -218,18 +226,36 @@ def test_a_value_that_is_not_finite_is_null_and_has_no_pose() -> None:
             assert len(messages) == (1 if output.topic == "/tf" else 0)  # frames of sensors
 
 
+def test_the_fix_of_an_estimate_has_its_variances_along_enu() -> None:
+    plan, layout = survey_layout()
+    values = {name: np.zeros(at.size) for name, at in (layout.places | layout.texts).items()}
+    values["navigation.eta"][2] = 7.0
+    values["navigation.sigma"][:3] = [1.0, 2.0, 3.0]  # N, E, D
+    outputs = {o.topic: o for o in outputs_of(plan, layout, around(47.0, -122.0))}
+    fix = outputs["/navigation/fix"]
+    [(_, data)] = fix.whole(layout.row(0.0, values))
+    message = decoder(fix.form.name, fix.form.schema).FromString(data)
+    assert list(message.position_covariance) == [4.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 9.0]
+    assert message.altitude == -7.0
+    assert (message.latitude, message.longitude) == (47.0, -122.0)
+
+
 def test_when_time_goes_back_the_scene_is_sent_again(sums: Conductor) -> None:
     still = Counted()
-    with FoxgloveServer(sums, 0, drawing=lambda plan: [still]) as server:
-        with connected(server.port) as client:
-            client.subscribe("/counted", "/a")
-            moved(client, sums, "/a")
-            sums.reset(ME)
-            client.wait(lambda m: m["op"] == "time" and m["at"] == 0.0)
-            client.message("/counted", lambda m: m["at"] == 0.0 and m["data"] == {"whole": True})
-            back = client.message("/a", lambda m: m["at"] > 0) if sums.step(ME, 1) else {}
-    assert back["at"] == pytest.approx(0.1)
-    assert still.times[-1] == 0.0
+    sums.step(ME, 10, {}, ())
+    with (
+        FoxgloveServer(sums, 0, drawing=lambda plan: [still]) as server,
+        connected(server.port) as client,
+    ):
+        client.subscribe("/counted", "/a")
+        client.message("/counted", lambda m: m["data"] == {"whole": True})
+        client.message("/a", lambda m: m["at"] == 1.0)
+        sums.reset(ME)
+        client.wait(lambda m: m["op"] == "time" and m["at"] == 0.0)
+        client.message("/counted", lambda m: m["at"] == 0.0 and m["data"] == {"whole": True})
+        sums.step(ME, 1, {}, ())
+        client.message("/a", lambda m: m["at"] == pytest.approx(0.1))
+    assert still.times == [1.0, 0.0]
 
 
 def test_after_a_restored_snapshot_messages_continue_from_its_time(sums: Conductor) -> None:
@@ -273,27 +299,32 @@ def test_a_replaced_component_has_a_channel_of_its_new_signals(tmp_path: Path) -
         "    def step(self, t, dt, u):\n        return {'x': t, 'y': 2.0}\n"
     )
     one, two = (f"{tmp_path}/parts.py:{name}" for name in ("One", "Two"))
-    with Conductor(uuv.System("s", "0.1").add("a", one).add("b", f"{PARTS}:Sum")) as conductor:
-        with FoxgloveServer(conductor, 0) as server, connected(server.port) as client:
-            client.subscribe("/a", "/b")
-            other = client.channels["/b"]["id"]
-            old = client.channels["/a"]["id"]
-            conductor.replace(ME, "a", two)
-            client.wait(lambda m: m.get("channelIds") == [old])
-            client.wait(lambda m: client.channels["/a"]["id"] != old)
-            client.subscribe("/a")
-            conductor.step(ME, 1, {}, ())
-            assert client.message("/a", lambda m: m["at"] > 0)["data"]["y"] == 2.0
-            assert client.channels["/b"]["id"] == other
-            client.message("/b", lambda m: m["at"] == pytest.approx(0.1))
+    with (
+        Conductor(uuv.System("s", "0.1").add("a", one).add("b", f"{PARTS}:Sum")) as conductor,
+        FoxgloveServer(conductor, 0) as server,
+        connected(server.port) as client,
+    ):
+        client.subscribe("/a", "/b")
+        other = client.channels["/b"]["id"]
+        old = client.channels["/a"]["id"]
+        conductor.replace(ME, "a", two)
+        client.wait(lambda m: m.get("channelIds") == [old])
+        client.wait(lambda m: client.channels["/a"]["id"] != old)
+        client.subscribe("/a")
+        conductor.step(ME, 1, {}, ())
+        assert client.message("/a", lambda m: m["at"] > 0)["data"]["y"] == 2.0
+        assert client.channels["/b"]["id"] == other
+        client.message("/b", lambda m: m["at"] == pytest.approx(0.1))
 
 
 def test_a_channel_that_fails_is_closed_and_the_others_go_on(sums: Conductor) -> None:
-    with FoxgloveServer(sums, 0, drawing=lambda plan: [Broken("/broken")]) as server:
-        with connected(server.port) as client:
-            client.subscribe("/broken", "/a")
-            assert client.status() == "/broken: the pencil is broken; the channel is closed"
-            moved(client, sums, "/a")
+    with (
+        FoxgloveServer(sums, 0, drawing=lambda plan: [Broken("/broken")]) as server,
+        connected(server.port) as client,
+    ):
+        client.subscribe("/broken", "/a")
+        assert client.status() == "/broken: the pencil is broken; the channel is closed"
+        moved(client, sums, "/a")
 
 
 def test_a_place_on_earth_moves_a_minute_of_arc_in_a_nautical_mile() -> None:
@@ -321,10 +352,13 @@ def test_a_system_with_an_origin_has_a_fix(tmp_path: Path) -> None:
             flow.units = "m s-1"
     source = f"model:current_grid?file={file}&latitude=47.2&longitude=-122.8"
     boat = uuv.System("boat", "0.1").add("hull", "model:bluerov2_heavy").add("current", source)
-    with Conductor(boat) as conductor, FoxgloveServer(conductor, 0) as server:
-        with connected(server.port) as client:
-            client.subscribe("/hull/fix")
-            fix = client.message("/hull/fix")["data"]
+    with (
+        Conductor(boat) as conductor,
+        FoxgloveServer(conductor, 0) as server,
+        connected(server.port) as client,
+    ):
+        client.subscribe("/hull/fix")
+        fix = client.message("/hull/fix")["data"]
     assert fix["latitude"] == pytest.approx(47.2)
     assert fix["longitude"] == pytest.approx(-122.8)
 

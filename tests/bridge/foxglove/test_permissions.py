@@ -56,18 +56,23 @@ def test_tls_of_the_access_file_is_used_and_mutual_tls_is_refused(tmp_path: Path
     with pytest.raises(InputInvalid, match="requires certificates of clients"):
         foxglove_permissions(server_settings(mutual))
     given = foxglove_permissions(server_settings(access_file(tmp_path, PEM % "", *lines)))
-    with Conductor(uuv.System("sums", "0.1").add("a", f"{PARTS}:Sum")) as conductor:
-        with FoxgloveServer(conductor, 0, given) as server:
-            assert server.addresses == (f"wss://0.0.0.0:{server.port}",)
-            context = client_context(tmp_path / "ca.pem", None, None)
-            with connected(server.port, ssl=context) as client:
-                assert client.parameters() == {"a.k": 1.0}
+    with (
+        Conductor(uuv.System("sums", "0.1").add("a", f"{PARTS}:Sum")) as conductor,
+        FoxgloveServer(conductor, 0, given) as server,
+    ):
+        assert server.addresses == (f"wss://0.0.0.0:{server.port}",)
+        context = client_context(tmp_path / "ca.pem", None, None)
+        with connected(server.port, ssl=context) as client:
+            assert client.parameters() == {"a.k": 1.0}
 
 
 def test_several_addresses_have_one_port_and_the_same_channels() -> None:
     given = foxglove_permissions(server_settings(None, ["127.0.0.1", "127.0.0.2"]))
-    with Conductor(uuv.System("sums", "0.1").add("a", f"{PARTS}:Sum")) as conductor:
-        with FoxgloveServer(conductor, 0, given) as server, connected(server.port) as client:
-            assert len(server.addresses) == 2
-            assert {a.rpartition(":")[2] for a in server.addresses} == {str(server.port)}
-            assert "/a" in client.advertised(2)
+    with (
+        Conductor(uuv.System("sums", "0.1").add("a", f"{PARTS}:Sum")) as conductor,
+        FoxgloveServer(conductor, 0, given) as server,
+        connected(server.port) as client,
+    ):
+        assert len(server.addresses) == 2
+        assert {a.rpartition(":")[2] for a in server.addresses} == {str(server.port)}
+        assert "/a" in client.advertised(2)

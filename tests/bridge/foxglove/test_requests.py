@@ -68,19 +68,22 @@ def test_a_parameter_is_set_in_the_system(sums: Conductor, client: FoxgloveClien
 
 def test_matrices_are_nested_lists_and_come_back_the_same() -> None:
     boat = uuv.System("boat", "0.1").add("hull", "model:bluerov2_heavy")
-    with Conductor(boat) as conductor, FoxgloveServer(conductor, 0) as server:
-        with connected(server.port) as client:
-            listed = client.parameters()
-            shapes = {i.name: i.shape for i in conductor.schema()}
-            for name, value in listed.items():
-                assert conductor.get(ME, [name])[name] == pytest.approx(value), name
-            vectors = [name for name in listed if len(shapes[name]) >= 1]
-            assert vectors
-            client.send(op="setParameters", id="set", parameters=[
-                {"name": name, "value": listed[name]} for name in vectors
-            ])  # fmt: skip
-            client.wait(lambda m: m.get("id") == "set")
-            assert client.statuses == []
+    with (
+        Conductor(boat) as conductor,
+        FoxgloveServer(conductor, 0) as server,
+        connected(server.port) as client,
+    ):
+        listed = client.parameters()
+        shapes = {i.name: i.shape for i in conductor.schema()}
+        for name, value in listed.items():
+            assert conductor.get(ME, [name])[name] == pytest.approx(value), name
+        vectors = [name for name in listed if len(shapes[name]) >= 1]
+        assert vectors
+        client.send(op="setParameters", id="set", parameters=[
+            {"name": name, "value": listed[name]} for name in vectors
+        ])  # fmt: skip
+        client.wait(lambda m: m.get("id") == "set")
+        assert client.statuses == []
 
 
 @pytest.mark.parametrize(
@@ -238,13 +241,11 @@ def test_of_a_flood_the_newest_input_counts_and_steps_go_on(
     assert sums.moment().tick == 100
 
 
-def test_a_flood_of_one_mistake_is_reported_a_few_times(
-    server: FoxgloveServer, client: FoxgloveClient
-) -> None:
-    client.publish("/a", *[b'{"a": "x"}'] * 5000)
-    client.status()
+def test_a_flood_of_one_mistake_is_reported_at_most_once_a_second(client: FoxgloveClient) -> None:
+    for _ in range(100):
+        client.set(a__k="much")
     client.parameters()
-    assert len(client.statuses) < 100
+    assert 1 <= len(client.statuses) < 50
 
 
 # ---- mistakes of clients -----------------------------------------------------------------------
@@ -301,10 +302,14 @@ def test_clients_that_come_and_go_during_resets_do_not_block_the_server(
 
 def test_two_servers_show_their_own_system(server: FoxgloveServer) -> None:
     other = uuv.System("other", "0.1").add("b", f"{PARTS}:Twice")
-    with Conductor(other) as conductor, FoxgloveServer(conductor, 0) as second:
-        with connected(server.port) as one, connected(second.port) as two:
-            assert set(one.advertised(2)) == {"/a", "/tf"}
-            assert set(two.advertised(2)) == {"/b", "/tf"}
+    with (
+        Conductor(other) as conductor,
+        FoxgloveServer(conductor, 0) as second,
+        connected(server.port) as one,
+        connected(second.port) as two,
+    ):
+        assert set(one.advertised(2)) == {"/a", "/tf"}
+        assert set(two.advertised(2)) == {"/b", "/tf"}
 
 
 def test_a_port_in_use_is_named(server: FoxgloveServer, sums: Conductor) -> None:

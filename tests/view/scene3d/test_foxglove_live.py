@@ -78,14 +78,16 @@ def _canonical(value: Any) -> Any:
 
 
 def test_a_hull_is_drawn_in_the_frame_of_its_transform() -> None:
-    with Conductor("bluerov2_survey") as conductor:
-        with FoxgloveServer(conductor, 0, drawing=drawing) as server:
-            with connected(server.port) as client:
-                client.subscribe("/scene", "/tf")
-                scene = client.message("/scene")["data"]
-                frames = client.message(
-                    "/tf", lambda m: m["data"]["transforms"][0]["parent_frame_id"] == "map"
-                )["data"]["transforms"]
+    with (
+        Conductor("bluerov2_survey") as conductor,
+        FoxgloveServer(conductor, 0, drawing=drawing) as server,
+        connected(server.port) as client,
+    ):
+        client.subscribe("/scene", "/tf")
+        scene = client.message("/scene")["data"]
+        frames = client.message(
+            "/tf", lambda m: m["data"]["transforms"][0]["parent_frame_id"] == "map"
+        )["data"]["transforms"]
     hull = entities([scene])["hull hull"]
     assert hull["frame_id"] == frames[0]["child_frame_id"] == "base_link"
     assert hull["frame_locked"]
