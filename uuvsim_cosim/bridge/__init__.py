@@ -3,8 +3,8 @@
 Transports are Zenoh (`zenoh/`), TCP for MATLAB and Octave (`tcp/`) and HTTP (`http/`); the Python
 clients and remote components are in `clients/`, tokens and users in `access/`. `autopilots/` runs
 ArduSub as a component, `mavlink/` makes a system speak like it, `ros2/` publishes and records
-topics of ROS. It may import `orchestrator`, `fmus`, `models`. Start with `server/conductor.py`,
-then `zenoh/bridge.py`.
+topics of ROS, `foxglove/` shows a system in Foxglove. It may import `orchestrator`, `fmus`,
+`models`. Start with `server/conductor.py`, then `zenoh/bridge.py`.
 """
 
 from __future__ import annotations
