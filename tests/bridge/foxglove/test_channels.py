@@ -317,6 +317,29 @@ def test_a_replaced_component_has_a_channel_of_its_new_signals(tmp_path: Path) -
         client.message("/b", lambda m: m["at"] == pytest.approx(0.1))
 
 
+def test_a_large_component_is_sent_whole_with_its_newest_values(tmp_path: Path) -> None:
+    (tmp_path / "parts.py").write_text(
+        "class Camera:\n    inputs, outputs = {}, {'image': (20_000, 'm'), 't': 's'}\n"
+        "    def step(self, t, dt, u):\n        return {'image': [t] * 20_000, 't': t}\n"
+    )
+    system = uuv.System("s", "0.1").add("camera", f"{tmp_path}/parts.py:Camera")
+    with (
+        Conductor(system) as conductor,
+        FoxgloveServer(conductor, 0) as server,
+        connected(server.port) as client,
+    ):
+        client.subscribe("/camera")
+        client.message("/camera")
+        found = client.wait(
+            lambda m: m["op"] == "data" and m["at"] > 0.5,
+            lambda: conductor.step(ME, 1, {}, ()),
+        )
+        schema = json.loads(client.channels["/camera"]["schema"])
+    jsonschema.validate(found["data"], schema)
+    assert set(found["data"]["image"]) == {found["data"]["t"]}
+    assert found["data"]["t"] == pytest.approx(found["at"] - 0.1)
+
+
 def test_a_channel_that_fails_is_closed_and_the_others_go_on(sums: Conductor) -> None:
     with (
         FoxgloveServer(sums, 0, drawing=lambda plan: [Broken("/broken")]) as server,

@@ -8,13 +8,14 @@ the frames of ROS: `map` is ENU, `base_link` is FLU.
 from __future__ import annotations
 
 import json
+import time
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any, NamedTuple, final
 
 import numpy as np
 
-from uuvsim_cosim.bridge.calls.values import json_of
+from uuvsim_cosim.bridge.calls.values import json_of, json_texts
 from uuvsim_cosim.bridge.foxglove.georeference import Georeference
 from uuvsim_cosim.bridge.ros2.frames import Array
 from uuvsim_cosim.bridge.ros2.rows import Block, Layout
@@ -31,6 +32,7 @@ from uuvsim_cosim.orchestrator.plan.plan import Plan
 
 __all__ = ["Form", "Message", "Output", "json_form", "nanoseconds", "outputs_of"]
 
+_LARGE, _GAP = 1000, 0.1  # numbers of a large component, such as a camera; [s] between its messages
 Message = tuple[int, bytes]  # simulated time [ns], data
 # Types of ROS with a pose, and its path in the message.
 _POSES = {
@@ -103,7 +105,14 @@ class _Component(Output):
             "properties": {name: _schema(v) for name, v in variables.items()},
         })  # fmt: skip
 
+        self._size, self._next = sum(v.size for v in variables.values()), -np.inf
+
     def messages(self, block: Block) -> Iterator[Message]:
+        if self._size > _LARGE:
+            if time.monotonic() >= self._next:
+                self._next = time.monotonic() + _GAP
+                yield from self.whole(block)
+            return
         columns = []
         for full, shape in self._shapes.values():
             values = np.asarray(block[full])
@@ -116,6 +125,14 @@ class _Component(Output):
         for at, row in zip(nanoseconds(block.time), zip(*columns, strict=True), strict=True):
             message = dict(zip(names, row, strict=True))
             yield at, json.dumps(message, separators=(",", ":"), allow_nan=False).encode()
+
+    def whole(self, newest: Block) -> Iterator[Message]:
+        [at] = nanoseconds(newest.time[-1:])
+        row = {
+            name: np.reshape(np.asarray(newest[full])[-1], shape)
+            for name, (full, shape) in self._shapes.items()
+        }
+        yield at, "".join(json_texts(row)).encode()
 
 
 def _schema(variable: Variable) -> dict[str, object]:
@@ -175,12 +192,12 @@ class _Pose(_Typed):
         self._path = _POSES[topic.type]
 
     def messages(self, block: Block) -> Iterator[Message]:
-        time, columns = self._columns.columns(block)
+        times, columns = self._columns.columns(block)
         if not columns:
             return
         sdk, path = self._sdk, self._path
-        poses = _of_pose(columns, len(time), f"{path}.position", f"{path}.orientation")
-        for at, pose in zip(nanoseconds(time), poses, strict=True):
+        poses = _of_pose(columns, len(times), f"{path}.position", f"{path}.orientation")
+        for at, pose in zip(nanoseconds(times), poses, strict=True):
             if pose is not None:
                 held = sdk.Pose(position=self._vector(pose[0]), orientation=self._turned(pose[1]))
                 message = sdk.PoseInFrame(
@@ -231,11 +248,11 @@ class _Transforms(_Typed):
 
     def messages(self, block: Block) -> Iterator[Message]:
         for columns in self._moving:
-            time, found = columns.columns(block)
+            times, found = columns.columns(block)
             at = "transforms.0.transform"
-            poses = _of_pose(found, len(time), f"{at}.translation", f"{at}.rotation")
+            poses = _of_pose(found, len(times), f"{at}.translation", f"{at}.rotation")
             topic = columns.topic
-            for stamp, pose in zip(nanoseconds(time), poses, strict=True):
+            for stamp, pose in zip(nanoseconds(times), poses, strict=True):
                 if pose is not None:
                     yield self._message(stamp, [(topic.frame, topic.child, *pose)])
 

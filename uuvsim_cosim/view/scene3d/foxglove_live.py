@@ -43,6 +43,7 @@ from uuvsim_cosim.view.scene3d.scene_of_plan import scene3d_of_plan
 
 __all__ = ["drawing"]
 
+_PIECE = 64  # points that are encoded at once; the interpreter cannot switch threads meanwhile
 _FAST, _SLOW = 0.1, 1.0  # [s] between two clouds or thrusts, and between two tracks
 
 
@@ -96,8 +97,20 @@ def _update(at: int, entities: list[dict[str, object]]) -> Message:
     return at, _json({"deletions": [], "entities": entities})
 
 
-def _json(message: Mapping[str, object]) -> bytes:
+def _json(message: object) -> bytes:
     return json.dumps(message, separators=(",", ":"), allow_nan=False).encode()
+
+
+def _in_pieces(value: object) -> str:
+    """Return JSON that is encoded piece by piece, so that steps go on in between."""
+    if isinstance(value, dict):
+        return "{" + ",".join(f'"{k}":{_in_pieces(v)}' for k, v in value.items()) + "}"
+    if isinstance(value, list) and len(value) <= _PIECE:
+        return "[" + ",".join(map(_in_pieces, value)) + "]"
+    if isinstance(value, list):
+        pieces = (value[i : i + _PIECE] for i in range(0, len(value), _PIECE))
+        return "[" + ",".join(_json(piece).decode()[1:-1] for piece in pieces) + "]"
+    return _json(value).decode()
 
 
 @final
@@ -106,15 +119,19 @@ class _Scene(_Drawn):
 
     def __init__(self, scene3d: Scene3D, axes: Axes) -> None:
         super().__init__(scene3d, axes, "/scene", "foxglove.SceneUpdate", SCENE)
+        self._data = b""
 
     def messages(self, block: Block) -> Iterator[Message]:
         yield from ()
 
     def whole(self, newest: Block) -> Iterator[Message]:
         [at] = nanoseconds(newest.time)
-        # A marker has a position and no frame: it is drawn with what moves.
-        still = replace(self._scene3d, markers=())
-        yield _update(at, list(still_entities(still, at, self._axes)))
+        if not self._data:
+            # A marker has a position and no frame: it is drawn with what moves.
+            still = replace(self._scene3d, markers=())
+            entities = list(still_entities(still, 0, self._axes))
+            self._data = _in_pieces({"deletions": [], "entities": entities}).encode()
+        yield at, self._data
 
 
 @final
