@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 import re
 from collections.abc import Iterator
+from fractions import Fraction
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +23,7 @@ from uuvsim_cosim.bridge.foxglove.georeference import around, georeference_of
 from uuvsim_cosim.bridge.foxglove.server import FoxgloveServer
 from uuvsim_cosim.bridge.ros2.rows import Block, Layout
 from uuvsim_cosim.bridge.server.conductor import Conductor
+from uuvsim_cosim.fmus.description import Variable
 from uuvsim_cosim.orchestrator.master.observer import Column
 from uuvsim_cosim.orchestrator.plan.flatten import flatten
 from uuvsim_cosim.orchestrator.plan.plan import Plan
@@ -224,6 +227,24 @@ def test_a_value_that_is_not_finite_is_null_and_has_no_pose() -> None:
             assert words <= {"", "None", "'?'"}
         else:
             assert len(messages) == (1 if output.topic == "/tf" else 0)  # frames of sensors
+
+
+def test_texts_and_bytes_are_strings() -> None:
+    said = Variable("said", "String", "output", "discrete")
+    words = Variable("words", "Binary", "output", "discrete", shape=(2,))
+    columns = [*Column.of("talker", said), *Column.of("talker", words)]
+    layout = Layout(columns, Fraction(1, 10))
+    plan = flatten(uuv.load("bluerov2_survey"))
+    [talker, _] = outputs_of(plan, layout, None)
+    one = layout.row(0.0, {"talker.said": "mayday", "talker.words": [b"\x01", b"\xff"]})
+    texts = {
+        "talker.said": np.array([["mayday"]], object),
+        "talker.words": np.array([[b"\x01", b"\xff"]], object),
+    }
+    rows = layout.rows(np.array([3]), np.zeros((1, 3), np.uint64), texts)
+    for block, way in itertools.product((one, rows), (talker.messages, talker.whole)):
+        [(_, data)] = way(block)
+        assert json.loads(data) == {"said": "mayday", "words": ["01", "ff"]}
 
 
 def test_the_fix_of_an_estimate_has_its_variances_along_enu() -> None:

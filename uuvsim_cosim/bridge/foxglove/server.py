@@ -32,7 +32,8 @@ FOXGLOVE_PORT = 8765  # to which Foxglove connects by default
 Drawing = Callable[[Plan], Sequence[Output]]
 """A function that returns the channels with which a system is drawn."""
 
-_CHUNKS = 256  # chunks of rows that wait at most; older ones are dropped
+_CHUNKS = 128  # chunks of rows that wait at most; older ones are dropped
+_BYTES = 1 << 20  # of a chunk at most, except for one row
 _ROWS = 64  # of a chunk at most: a run that is as fast as possible sends its newest rows
 _MOST = 40  # rows of a turn that are published; of more, an even selection
 _PAUSE = 0.02  # [s] between two turns
@@ -160,15 +161,17 @@ class FoxgloveServer(Owner):
 
     def observe(self, chunk: Chunk) -> None:
         """Copy the newest rows; never wait."""
-        run, rows = self._run, chunk.rows[-_ROWS:]
+        run = self._run
         if run is None:
             return
+        most = max(1, min(_ROWS, _BYTES // (8 * max(1, len(run.layout.columns)))))
+        rows = chunk.rows[-most:]
         self.dropped += len(chunk.rows) - len(rows)
         texts = {
-            name: np.stack([chunk.values(int(i))[-_ROWS:] for i in at.flat], axis=1)
+            name: np.stack([chunk.values(int(i))[-most:] for i in at.flat], axis=1)
             for name, at in run.layout.texts.items()
         }
-        self._ring.append((run, chunk.ticks[-_ROWS:].copy(), rows.copy(), texts))
+        self._ring.append((run, chunk.ticks[-most:].copy(), rows.copy(), texts))
         self._wake.set()
 
     def end(self) -> None:
