@@ -17,6 +17,7 @@ from tests.bridge.foxglove.client import connected
 from tests.bridge.guarded import access_file
 from tests.conftest import Start
 from uuvsim_cosim.cli import status_of
+from uuvsim_cosim.orchestrator.recording.export import export
 from uuvsim_cosim.orchestrator.ssp.ssd import write_ssd
 
 PARTS = Path(__file__).parents[2] / "bridge" / "parts.py"
@@ -62,7 +63,7 @@ def test_a_recording_is_shown_like_a_running_system(
     sums: str, recording: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert status_of(["serve", sums, *BRIEF, "-o", "run", *ANY]) == 0
-    uuv.orchestrator.recording.export.export("run", "run.mcap")
+    export("run", "run.mcap")
     capsys.readouterr()
     assert status_of(["serve", recording, *ANY, *FOXGLOVE, *BRIEF, "--json"]) == 0
     assert "/sum" in json.loads(capsys.readouterr().out)["foxglove"]["topics"]
