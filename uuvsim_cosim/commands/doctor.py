@@ -25,6 +25,7 @@ EXTRAS = {
     "hydro": "added mass of a surface in `uuvsim models import`",
     "mavlink": "ArduSub or PX4 as a component, `--mavlink`, and its logs in `uuvsim identify`",
     "ros": "`--ros2` of `uuvsim serve` and `uuvsim export`",
+    "foxglove": "`--foxglove` of `uuvsim serve`",
     "data": "`run.to_pandas()`, `run.to_xarray()`",
     "distributed": "`--ray`",
     "security": "`uuvsim access certificates`",

@@ -192,6 +192,29 @@ def test_a_reset_keeps_the_publishers(conductor: Conductor) -> None:
         subscribed.undeclare()
 
 
+def test_after_a_reset_a_sensor_is_published_from_the_start(conductor: Conductor) -> None:
+    times, later, store = list[float](), threading.Event(), typestore("jazzy")
+
+    def heard(sample: zenoh.Sample) -> None:
+        stamp = store.deserialize_cdr(sample.payload.to_bytes(), IMU).header.stamp
+        times.append(stamp.sec + stamp.nanosec * 1e-9)
+        if times[-1] < max(times):
+            later.set()
+
+    with Ros2Node(conductor, port=free_port("127.0.0.1"), domain=0) as node, ros(node.port) as peer:
+        subscribed = peer.declare_subscriber("0/imu/data_raw/**", heard)
+        for _ in range(600):
+            conductor.step(ME, 100, {}, ())
+            if times:
+                break
+            later.wait(0.1)
+        conductor.reset(ME)
+        for _ in range(50):
+            conductor.step(ME, 1, {}, ())
+        assert later.wait(60)
+        subscribed.undeclare()
+
+
 def test_another_program_at_the_routers_port_is_named(conductor: Conductor) -> None:
     with socket.create_server(("127.0.0.1", 0)) as taken:
         port = taken.getsockname()[1]

@@ -8,7 +8,7 @@ import os
 import threading
 import time
 from collections import deque
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, final
 
@@ -31,15 +31,10 @@ from uuvsim_cosim.bridge.ros2.rmw_zenoh import (
     node_token,
 )
 from uuvsim_cosim.bridge.ros2.robot import STRING, mounted, robots_of, text_message
+from uuvsim_cosim.bridge.ros2.rows import Layout
 from uuvsim_cosim.bridge.ros2.services import Services
 from uuvsim_cosim.bridge.ros2.topic_writer import TRANSFORMS, TopicWriter, typestore
-from uuvsim_cosim.bridge.ros2.topics import (
-    Topic,
-    Variable,
-    omitted_topics,
-    read_topics,
-    topics_of,
-)
+from uuvsim_cosim.bridge.ros2.topics import Topic, omitted_topics, read_topics, topics_of
 from uuvsim_cosim.bridge.server.conductor import Conductor
 from uuvsim_cosim.bridge.zenoh.session import (
     Disconnected,
@@ -50,8 +45,7 @@ from uuvsim_cosim.bridge.zenoh.session import (
 )
 from uuvsim_cosim.closing import Owner, started
 from uuvsim_cosim.errors import InputInvalid
-from uuvsim_cosim.orchestrator.master.core_library import Type
-from uuvsim_cosim.orchestrator.master.observer import Chunk, Column, seconds
+from uuvsim_cosim.orchestrator.master.observer import Chunk, Column
 from uuvsim_cosim.orchestrator.plan.plan import Plan
 
 __all__ = ["ROUTER_PORT", "Ros2Node"]
@@ -145,24 +139,14 @@ class Ros2Node(Owner):
 
     def begin(self, plan: Plan, columns: Sequence[Column]) -> None:
         """Declare the topics of a new run."""
-        held: dict[str, list[int]] = {}
-        self.without_topic = [c.name for c in columns if c.type.is_blob]
-        for i, c in enumerate(columns):
-            if not c.type.is_blob:
-                held.setdefault(f"{c.path}.{c.variable.name}", []).append(i)
-        kinds = {
-            name: Variable(_kind(columns[at[0]].type), len(at) if columns[at[0]].index else 0)
-            for name, at in held.items()
-        }
-        facts = facts_of(plan, self._origin)
+        layout, facts = Layout(columns, plan.tick), facts_of(plan, self._origin)
+        self.without_topic, kinds = list(layout.texts), layout.variables
         if self._file is None:
             chosen, self.omitted = topics_of(kinds, facts), omitted_topics(kinds, facts)
         else:
             chosen = read_topics(self._file, kinds, facts)
         self.topics = chosen
-        self._publishing = _Publishing(
-            self._ends, chosen, facts, plan, columns, held, self._publishing
-        )
+        self._publishing = _Publishing(self._ends, chosen, facts, plan, layout, self._publishing)
 
     def observe(self, chunk: Chunk) -> None:
         """Copy the newest rows; never wait."""
@@ -240,15 +224,10 @@ class _Publishing:
         topics: Sequence[Topic],
         facts: Facts,
         plan: Plan,
-        columns: Sequence[Column],
-        held: Mapping[str, list[int]],
+        layout: Layout,
         before: _Publishing | None,
     ) -> None:
-        self._ends, self._columns, self._tick = ends, columns, plan.tick
-        self._held = {
-            name: np.array(at) if columns[at[0]].index is not None else np.array(at[0])
-            for name, at in held.items()
-        }
+        self._ends, self._layout = ends, layout
         self.made: dict[str, _Publisher] = {} if before is None else before.made
         self._writers = [TopicWriter(topic, ends.store, facts) for topic in topics]
         self._clock = MessageLayout(ends.store, CLOCK, {}, {})
@@ -269,7 +248,7 @@ class _Publishing:
 
     def publish(self, ticks: Array, rows: Array) -> None:
         """Publish rows, for the topics that are wanted."""
-        block = _Rows(seconds(ticks, self._tick), rows, self._held, self._columns)
+        block = self._layout.rows(ticks, rows)
         if "/clock" in self._wanted:
             stamps = np.rint(block.time * 1e9).astype(np.int64)
             messages = self._clock.rows(len(stamps), {
@@ -313,23 +292,6 @@ class _Publisher:
         self._raw.put(message, attachment=attachment(self._number, time.time_ns(), self._gid))
 
 
-class _Rows:
-    """Rows of the master by the names of their signals."""
-
-    def __init__(
-        self, time_: Array, rows: Array, held: Mapping[str, Array], columns: Sequence[Column]
-    ) -> None:
-        self.time, self._rows, self._held, self._columns = time_, rows, held, columns
-
-    def __getitem__(self, name: str) -> Array:
-        at = self._held[name]
-        type_, slots = self._columns[int(at.flat[0])].type, self._rows[:, at]
-        return slots.astype(bool) if type_ == Type.Boolean else slots.view(type_.dtype)
-
-    def __contains__(self, name: object) -> bool:
-        return name in self._held
-
-
 def _session(port: int) -> tuple[WrappedSession, bool]:
     """Return a session with the router at a port of this machine, or the router's itself."""
     # Nodes of rmw_zenoh find each other by gossip; the cache of latched topics needs time stamps.
@@ -351,10 +313,6 @@ def _latched(session: WrappedSession, key: str) -> Any:
 
     cache = ext.CacheConfig(max_samples=1)
     return ext.declare_advanced_publisher(session.raw, key, cache=cache, publisher_detection=True)
-
-
-def _kind(type_: Type) -> str:
-    return "b" if type_ == Type.Boolean else type_.dtype[0]
 
 
 def _domain() -> int:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -14,13 +14,14 @@ from uuvsim_cosim.bridge.ros2.conversion import Conversion, Shape, Values
 from uuvsim_cosim.bridge.ros2.conversions import CONVERSIONS, sensor_figures
 from uuvsim_cosim.bridge.ros2.facts import Facts
 from uuvsim_cosim.bridge.ros2.frames import Array
+from uuvsim_cosim.bridge.ros2.rows import Block
 from uuvsim_cosim.bridge.ros2.topics import Topic
 from uuvsim_cosim.errors import InputInvalid
 
 if TYPE_CHECKING:
     from rosbags.typesys.store import Typestore
 
-__all__ = ["DISTRIBUTIONS", "TRANSFORMS", "Block", "TopicWriter", "typestore"]
+__all__ = ["DISTRIBUTIONS", "TRANSFORMS", "TopicColumns", "TopicWriter", "typestore"]
 
 DEFINITIONS = Path(__file__).parent / "definitions"  # of packages that rosbags lacks
 TRANSFORMS = "tf2_msgs/msg/TFMessage"
@@ -47,20 +48,6 @@ def typestore(distribution: str) -> Typestore:
     return store
 
 
-class Block(Protocol):
-    """Rows of signals: `time` (n,) [s], and (n,) or (n, size) for a name."""
-
-    @property
-    def time(self) -> Array:
-        """Times [s]."""
-
-    def __getitem__(self, name: str, /) -> Array:
-        """Return a signal."""
-
-    def __contains__(self, name: object, /) -> bool:
-        """Return whether there is a signal."""
-
-
 _PLAIN = Conversion(
     {"data": -1},
     lambda v, _: {"data": v["data"]},
@@ -69,52 +56,42 @@ _PLAIN = Conversion(
 
 
 @dataclass
-class TopicWriter:
-    """Messages of a topic, block by block; `count` of them so far."""
+class TopicColumns:
+    """New samples of a topic, block by block."""
 
     topic: Topic
-    store: Typestore
     facts: Facts
-    count: int = 0
-    _last: float = -np.inf  # time of the last message [s]
+    _last: float = -np.inf  # time of the last sample [s]
+    _at: float = -np.inf  # time of the last row [s]
     _state: bytes = b""  # of the last message
-    _layouts: dict[tuple[tuple[str, str], ...], MessageLayout] = field(default_factory=dict)
     _figures: dict[str, float] = field(default_factory=dict)
 
     @property
-    def _conversion(self) -> Conversion:
+    def conversion(self) -> Conversion:
+        """The conversion of signals into fields."""
         return CONVERSIONS.get(self.topic.type, _PLAIN)
 
-    def messages(self, block: Block) -> tuple[Array, Sequence[Array]]:
-        """Return the times [ns] and bytes of the messages of a block.
+    def columns(self, block: Block) -> tuple[Array, Mapping[str, Array]]:
+        """Return the times [s] of the samples, and the columns of the message's fields."""
+        time, _, values, figures = self.samples(block)
+        return time, self.conversion.columns(values, figures) if len(time) else {}
 
-        The times are those at which the messages are there. Headers have the times of the samples.
-        """
+    def samples(self, block: Block) -> tuple[Array, Array, Values, Mapping[str, object]]:
+        """Return the times [s] of new samples and of their rows, their values, and figures."""
         time, chosen = self._samples(block)
         values = {
             role: np.asarray(block[name])[chosen] for role, name in self.topic.signals.items()
         }
-        self.count += len(time)
-        if not len(time):
-            return np.zeros(0, np.int64), ()
-        stamps = np.rint(time * 1e9).astype(np.int64)
-        rows: list[Array] = []
-        for begin, end in self._alike(values):
-            part = {role: v[begin:end] for role, v in values.items()}
-            rows += list(self._rows(stamps[begin:end], part, self._of_sensor(time)))
-        return np.rint(block.time[chosen] * 1e9).astype(np.int64), rows
-
-    def _alike(self, values: Values) -> list[tuple[int, int]]:
-        """Return the spans of rows whose messages have the same texts."""
-        n = len(next(iter(values.values())))
-        if not self._conversion.has_states:
-            return [(0, n)]
-        return [(i, i + 1) for i in range(n)]
+        return time, block.time[chosen], values, self._of_sensor(time)
 
     def _samples(self, block: Block) -> tuple[Array, Array]:
         """Return the times [s] of new messages, and the rows of the block that hold them."""
-        path, conversion = self.topic.component, self._conversion
+        path, conversion = self.topic.component, self.conversion
         time, keep = block.time, np.ones(len(block.time), bool)
+        if len(time):
+            if time[0] < self._at:  # a reset, or an earlier snapshot
+                self._last, self._state = -np.inf, b""
+            self._at = float(time[-1])
         if f"{path}.t_sample" in block and conversion is not _PLAIN and not conversion.prefixes:
             time = np.asarray(block[f"{path}.t_sample"])
             before = np.concatenate([[max(self._last, -1.0)], time[:-1]])
@@ -136,7 +113,7 @@ class TopicWriter:
 
     def _changes(self, block: Block) -> Array:
         """Return the rows at which a state is another than before."""
-        if not self._conversion.has_states:
+        if not self.conversion.has_states:
             return np.zeros(0, int)
         names = self.topic.signals.values()
         states = np.stack([np.asarray(block[name]).astype(np.uint8) for name in names], axis=1)
@@ -157,7 +134,7 @@ class TopicWriter:
 
     def _of_sensor(self, time: Array) -> Mapping[str, object]:
         facts = self.facts.get(self.topic.component, {})
-        if self._conversion.needs:
+        if self.conversion.needs:
             return facts
         if not self._figures and facts and len(time) > 1:
             period = float(np.min(np.diff(time)))
@@ -165,9 +142,46 @@ class TopicWriter:
             self._figures = sensor_figures(self.topic.type, parameters, period)
         return self._figures
 
+
+@dataclass
+class TopicWriter:
+    """Messages of a topic, block by block; `count` of them so far."""
+
+    topic: Topic
+    store: Typestore
+    facts: Facts
+    count: int = 0
+    _layouts: dict[tuple[tuple[str, str], ...], MessageLayout] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        self._samples = TopicColumns(self.topic, self.facts)
+
+    def messages(self, block: Block) -> tuple[Array, Sequence[Array]]:
+        """Return the times [ns] and bytes of the messages of a block.
+
+        The times are those at which the messages are there. Headers have the times of the samples.
+        """
+        time, there, values, figures = self._samples.samples(block)
+        self.count += len(time)
+        if not len(time):
+            return np.zeros(0, np.int64), ()
+        stamps = np.rint(time * 1e9).astype(np.int64)
+        rows: list[Array] = []
+        for begin, end in self._alike(values):
+            part = {role: v[begin:end] for role, v in values.items()}
+            rows += list(self._rows(stamps[begin:end], part, figures))
+        return np.rint(there * 1e9).astype(np.int64), rows
+
+    def _alike(self, values: Values) -> list[tuple[int, int]]:
+        """Return the spans of rows whose messages have the same texts."""
+        n = len(next(iter(values.values())))
+        if not self._samples.conversion.has_states:
+            return [(0, n)]
+        return [(i, i + 1) for i in range(n)]
+
     def _rows(self, stamps: Array, values: Values, figures: Mapping[str, object]) -> Array:
         prefix = "transforms.0." if self.topic.type == TRANSFORMS else ""
-        conversion = self._conversion
+        conversion = self._samples.conversion
         columns = conversion.columns(values, figures)
         if conversion.has_states or not self._layouts:
             shape = Shape() if conversion.shape is None else conversion.shape(values, figures)

@@ -6,7 +6,7 @@ import errno
 import signal
 import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -84,6 +84,13 @@ def serve_command(
     ] = None,
     ros2_port: Annotated[
         int | None, typer.Option(help="Port of rmw_zenoh's router (7447).")
+    ] = None,
+    foxglove: Annotated[
+        bool,
+        typer.Option("--foxglove", help="Show signals, scene and parameters in Foxglove."),
+    ] = False,
+    foxglove_port: Annotated[
+        int | None, typer.Option(help="Port for Foxglove (8765); 0 for any.")
     ] = None,
     mavlink: Annotated[
         str | None,
@@ -194,6 +201,8 @@ def serve_command(
         raise InputInvalid(f"--real-time {real_time:g}: expected a factor of more than 0")
     if ros2 is None and (topics, ros2_port) != (None, None):
         raise InputInvalid("--topics or --ros2-port", "--ros2 DISTRIBUTION beside it")
+    if foxglove_port is not None and not foxglove:
+        raise InputInvalid("--foxglove-port", "--foxglove beside it")
     _raise_limit_of_files()
     if mavlink is not None:
         from uuvsim_cosim.bridge.mavlink.link import Address, dialect
@@ -206,7 +215,16 @@ def serve_command(
         TCP_PORT if tcp_port is None else tcp_port,
         HTTP_PORT if http_port is None else http_port,
     )
-    _check_ports(opened.hosts, *ports)
+    wanted = dict(zip(("--port", "--tcp-port", "--http-port"), ports, strict=True))
+    if foxglove:
+        from uuvsim_cosim.bridge.foxglove.permissions import foxglove_permissions
+        from uuvsim_cosim.bridge.foxglove.server import FOXGLOVE_PORT, foxglove_sdk
+
+        foxglove_sdk()
+        foxglove_permissions(opened)
+        foxglove_port = FOXGLOVE_PORT if foxglove_port is None else foxglove_port
+        wanted["--foxglove-port"] = foxglove_port
+    _check_ports(opened.hosts, wanted)
     changes = {
         "replace": assignments("--replace", replace or [], "component=source", dotted=False),
         "map": assignments("--map", map_ or [], MAP, dotted=False),
@@ -274,6 +292,8 @@ def serve_command(
                 )
                 line(f"MAVLink {', '.join(server.addresses)}  QGroundControl, pymavlink, MAVSDK")
             _open_servers(stack, conductor, opened, *ports)
+            if foxglove_port is not None:
+                _open_foxglove(stack, conductor, opened, foxglove_port)
             if ros2 is not None:
                 _open_node(
                     stack, conductor, ros2, topics, ros2_port, real_time, place,
@@ -380,14 +400,32 @@ def _open_node(
     put("ros2_services", [{"name": name, "type": type_} for name, type_ in node.services.items()])
 
 
-def _check_ports(hosts: Sequence[str], port: int, tcp: int, http: int) -> None:
+def _open_foxglove(
+    stack: ExitStack, conductor: Conductor, opened: ServerSettings, port: int
+) -> None:
+    from uuvsim_cosim.bridge.access.access_file import is_loopback
+    from uuvsim_cosim.bridge.foxglove.permissions import foxglove_permissions
+    from uuvsim_cosim.bridge.foxglove.server import FoxgloveServer
+    from uuvsim_cosim.view.scene3d.foxglove_live import drawing
+
+    permissions = foxglove_permissions(opened)
+    server = stack.enter_context(FoxgloveServer(conductor, port, permissions, drawing=drawing))
+    here = all(map(is_loopback, permissions.hosts))
+    who = "every program on this machine" if here else "everybody who reaches it"
+    may = "read, set and step it" if "step" in permissions.allowed else "read it"
+    line(f"  Foxglove  {', '.join(server.addresses)}; {who} can {may}, without token")
+    if permissions.reason:
+        line(f"  note: {permissions.reason}")
+    put("foxglove", {"addresses": server.addresses, "topics": server.topics})
+
+
+def _check_ports(hosts: Sequence[str], wanted: Mapping[str, int]) -> None:
     """Raise InputInvalid for ports in use, before anything is built or recorded."""
     import socket
 
-    wanted = {"--port": port, "--tcp-port": tcp, "--http-port": http}
     options: dict[int, str] = {}  # by port
     for option, number in wanted.items():
-        if number == 0 or (number == -1 and option != "--port"):
+        if number == 0 or (number == -1 and option in ("--tcp-port", "--http-port")):
             continue
         if not 0 < number < 1 << 16:
             raise InputInvalid(f"{option} {number}: expected a port, 1 to 65535, or 0 for any")
