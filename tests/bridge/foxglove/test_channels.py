@@ -170,7 +170,8 @@ def test_frames_of_sensors_come_with_the_subscription(
     with connected(survey[1].port) as client:
         client.subscribe("/tf")
         first = client.message("/tf")["data"]["transforms"]
-    assert {"base_link"} == {t["parent_frame_id"] for t in first}
+    # The axes of the DVL's beams are below its link.
+    assert {"base_link", "dvl_link"} == {t["parent_frame_id"] for t in first}
     assert "imu_link" in {t["child_frame_id"] for t in first}
 
 

@@ -22,8 +22,16 @@ EVERY = {"read", "set", "step"}
 PEM = "tls: {certificate: server.pem, key: server-key.pem%s}"
 
 
-def test_without_access_file_this_machine_may_step_but_not_load_code() -> None:
+def test_without_access_file_this_machine_may_read() -> None:
+    """A page in a browser of this machine reaches the port, whatever its origin."""
     given = foxglove_permissions(server_settings())
+    assert given.hosts == ("127.0.0.1",)
+    assert given.allowed == {"read"}
+    assert "--anyone" in given.reason
+
+
+def test_anyone_may_step_but_not_load_code() -> None:
+    given = foxglove_permissions(server_settings(anyone=True))
     assert given.hosts == ("127.0.0.1",)
     assert given.allowed == EVERY
 

@@ -24,13 +24,17 @@ class Permissions(NamedTuple):
 def foxglove_permissions(settings: ServerSettings) -> Permissions:
     """Return the permissions by the settings of the other servers.
 
-    Without access file, clients on this machine may read, set and step. With one, they may only
-    read; from other machines only if the file lets others read as well. Raises InputInvalid if it
-    does not, or if it requires certificates of clients.
+    Only without any authentication may clients set and step. Otherwise they may read: any program
+    and any web page in a browser of this machine can connect, since the server cannot check the
+    origin of a connection. From other machines they may read only if the access file lets others
+    read. Raises InputInvalid if it does not, or if it requires certificates of clients.
     """
     hosts = settings.zenoh_hosts
-    if settings.authenticator is None or settings.authenticator.access.token is not None:
+    if settings.authenticator is None:
         return Permissions(hosts)
+    if settings.authenticator.access.token is not None:
+        reason = "Foxglove's clients have no token; they may only read without --anyone"
+        return Permissions(hosts, frozenset({"read"}), reason)
     access = settings.authenticator.access
     far = [host for host in hosts if not is_loopback(host)]
     if far and "read" not in access.anonymous:
