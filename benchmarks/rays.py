@@ -252,10 +252,12 @@ def beside_embree(ours: Caster, theirs: Any, kind_of_hit: int, over: Caster) -> 
 
 
 def main() -> None:
-    global REPEATS  # noqa: PLW0603
+    global RAYS, REPEATS
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--repeats", type=int, default=REPEATS)
-    REPEATS = parser.parse_args().repeats
+    parser.add_argument("--rays", type=int, default=RAYS)
+    given = parser.parse_args()
+    RAYS, REPEATS = given.rays, given.repeats
     t = terrain()
     bare = Caster(t)
     beside_bare(bare)

@@ -35,7 +35,7 @@ SHORT: dict[str, str] = {
     "peers": "--steps 100 --repeats 1 --fmus 2",
     "policy_call": "--windows 1",
     "ray_spread": "--workers 1 --runs 2 --steps 128 --repeats 1",
-    "rays": "--repeats 1",
+    "rays": "--repeats 1 --rays 20000",
     "readers": "--windows 1 --seconds 0.2 --readers 1",
     "round_trips": "--count 20",
     "snapshot_cost": "--repeats 5",

@@ -16,6 +16,7 @@ from uuvsim_cosim.fmus.description import Variable
 from uuvsim_cosim.fmus.export.fmu_file import build_fmu
 from uuvsim_cosim.fmus.importer.read_description import read_description
 from uuvsim_cosim.models.declaration.model import Model
+from uuvsim_cosim.models.intrinsics.table import table1
 
 Fmi = Literal[2, 3]
 
@@ -68,7 +69,16 @@ def root() -> Model:
     return m
 
 
-MODELS: dict[str, Callable[[], Model]] = {f.__name__: f for f in (lag, linear, noisy, root)}
+def supplied() -> Model:
+    m = Model("supplied", "A force from a table of voltages, which holds its edges.")
+    u = m.input("u", unit="V", start=14.0, min=12, max=16, soft_min=True)
+    m.output("y", table1((12.0, 16.0), (20.0, 40.0))(u), unit="N")
+    return m
+
+
+MODELS: dict[str, Callable[[], Model]] = {
+    f.__name__: f for f in (lag, linear, noisy, root, supplied)
+}
 
 
 class Driven:

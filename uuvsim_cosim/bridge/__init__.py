@@ -2,9 +2,9 @@
 
 Transports are Zenoh (`zenoh/`), TCP for MATLAB and Octave (`tcp/`) and HTTP (`http/`); the Python
 clients and remote components are in `clients/`, tokens and users in `access/`. `autopilots/` runs
-ArduSub as a component, `mavlink/` makes a system speak like it, `ros2/` publishes and records
-topics of ROS. It may import `orchestrator`, `fmus`, `models`. Start with `server/conductor.py`,
-then `zenoh/bridge.py`.
+ArduSub and PX4 as components, `mavlink/` makes a system speak like ArduSub, `ros2/` makes it a node
+of ROS 2 and records its topics, `foxglove/` shows it in Foxglove. It may import `orchestrator`,
+`fmus`, `models`. Start with `server/conductor.py`, then `zenoh/bridge.py`.
 """
 
 from __future__ import annotations

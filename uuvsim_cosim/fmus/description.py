@@ -57,6 +57,7 @@ class Variable:
     dependencies: tuple[str, ...] | None = None
     element_units: tuple[str | None, ...] = ()  # where the elements' units differ; unit is None
     items: tuple[tuple[str, int], ...] = ()  # of an enumeration: names and numbers
+    soft_min: bool = False  # of a declared input, see `Model.input`; XML does not hold it
 
     @property
     def size(self) -> int:

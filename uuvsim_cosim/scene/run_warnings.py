@@ -10,17 +10,14 @@ from pathlib import Path
 from urllib.parse import parse_qs, unquote
 
 import numpy as np
-from numpy.typing import NDArray
 
 from uuvsim_cosim.errors import UuvsimError
 from uuvsim_cosim.models.declaration.parameter_files import split_address, vehicle_size
 from uuvsim_cosim.models.worlds.ground import ground_named, scene_named
+from uuvsim_cosim.orchestrator.recording.samples import Array, blocks, element
 from uuvsim_cosim.scene.shared.ray_casting import Caster
 
 __all__ = ["contact_warnings", "terrain_warnings"]
-
-Array = NDArray[np.float64]
-
 
 DEEP = 0.01  # m, from which a start inside something is reported
 
@@ -34,15 +31,11 @@ def terrain_warnings(ssd: Path, time: Array, signals: Mapping[str, Array]) -> li
     named = re.findall(r"[?&]scene=([^&\"'\s<]+)", _text_of(ssd))
     scenes = [s for s in dict.fromkeys(unquote(n) for n in named) if s != "flat"]
     hulls = [n for n in signals if n == "hull.eta" or n.endswith(".hull.eta")]
-    found = [
-        _outside(scene, hull.removesuffix(".eta"), time, signals[hull])
-        for scene in scenes
-        for hull in hulls
-    ]
+    found = [_outside(scene, hull, time, signals) for scene in scenes for hull in hulls]
     return [warning for warning in found if warning]
 
 
-def _outside(scene: str, hull: str, time: Array, eta: Array) -> str:
+def _outside(scene: str, eta: str, time: Array, signals: Mapping[str, Array]) -> str:
     """Return the warning on a hull outside of the terrain of a scene; empty without."""
     try:
         terrain = scene_named(scene).terrain
@@ -50,26 +43,36 @@ def _outside(scene: str, hull: str, time: Array, eta: Array) -> str:
         return ""
     if terrain is None or not len(time):
         return ""
-    z = Caster(terrain).height(eta[:, 0], eta[:, 1])
-    unknown = np.isnan(z)
-    under = eta[:, 2] > z
-    if not (unknown | under).any():
-        return ""
-    if not unknown.any():
-        share, first = float(np.mean(under)), float(time[np.argmax(under)])
-        return (
-            f"{hull} was below the seabed of scene {scene} for {100 * share:.0f} % of the time, "
-            f"first at t = {first:g} s: sensors hear nothing there"
-        )
+    caster = Caster(terrain)
     low = np.array(terrain.origin)
     high = low + terrain.spacing * (np.array(terrain.z.shape) - 1)
-    share, first = float(np.mean(unknown)), float(time[np.argmax(unknown)])
-    beside = np.any((eta[:, :2] < low) | (eta[:, :2] > high))
+    unknown: list[int] = []  # of each block: samples without terrain, and samples below it
+    under: list[int] = []
+    first: dict[bool, float] = {}  # time at which there first is no terrain, or the hull below it
+    beside, row = False, 0
+    position = [element(signals, eta, k, len(time)) for k in range(3)]
+    for north, east, down in zip(*map(blocks, position), strict=True):
+        z = caster.height(north, east)
+        for rows, count, known in ((np.isnan(z), unknown, False), (down > z, under, True)):
+            count.append(int(np.sum(rows)))
+            if count[-1]:
+                first.setdefault(known, float(time[row + np.argmax(rows)]))
+        at = np.column_stack([north, east])
+        beside = beside or bool(np.any((at < low) | (at > high)))
+        row += len(north)
+    hull = eta.removesuffix(".eta")
+    if not first:
+        return ""
+    if False not in first:
+        return (
+            f"{hull} was below the seabed of scene {scene} for {100 * sum(under) / row:.0f} % of "
+            f"the time, first at t = {first[True]:g} s: sensors hear nothing there"
+        )
     where = "left the terrain" if beside else "was over a hole in the terrain"
     return (
         f"{hull} {where} of scene {scene} (N {low[0]:.0f} to {high[0]:.0f} m, E {low[1]:.0f} to "
-        f"{high[1]:.0f} m) for {100 * share:.0f} % of the time, first at t = {first:g} s: sensors "
-        "hear nothing there, and there is no bed to touch"
+        f"{high[1]:.0f} m) for {100 * sum(unknown) / row:.0f} % of the time, first at t = "
+        f"{first[False]:g} s: sensors hear nothing there, and there is no bed to touch"
     )
 
 

@@ -23,7 +23,7 @@ from uuvsim_cosim.notebook_bar import Progress, shown
 from uuvsim_cosim.orchestrator.master.snapshot import plan_hash
 from uuvsim_cosim.orchestrator.plan.algebraic_loops import delay_remark, estimated_gain, hops_of
 from uuvsim_cosim.orchestrator.ssp.ssd import write_ssd
-from uuvsim_cosim.orchestrator.system.elements import Loops
+from uuvsim_cosim.orchestrator.system.elements import Loops, Mismatches
 from uuvsim_cosim.orchestrator.system.system import System
 from uuvsim_cosim.studies.metric import Metric, read_metric
 from uuvsim_cosim.studies.result import StudyFolder, StudyResult, result_of
@@ -155,11 +155,15 @@ class Study:
             raise InputInvalid("metrics", f"{twice[0]!r} names a parameter too", "a new name")
 
     @classmethod
-    def read(cls, path: str | Path, loops: Loops | None = None) -> Study:
+    def read(
+        cls, path: str | Path, loops: Loops | None = None, mismatches: Mismatches | None = None
+    ) -> Study:
         """Read the study in a YAML file.
 
         `path` is the file, and `loops` ("iterate", "delay" or "refuse") the policy for algebraic
-        loops instead of that of the file. Raises InputInvalid with every mistake and its line.
+        loops instead of that of the file. `mismatches` ("refuse" or "warn") is the policy for parts
+        of another vehicle instead of that of the system (see `System.with_mismatches`). Raises
+        InputInvalid with every mistake and its line.
 
         Example:
 
@@ -171,7 +175,7 @@ class Study:
         >>> study.duration, study.output
         (Fraction(2, 1), PosixPath('studies/depth'))
         """
-        options = read_study(Path(path), loops)
+        options = read_study(Path(path), loops, mismatches)
         try:
             return cls(**options)
         except UuvsimError as error:

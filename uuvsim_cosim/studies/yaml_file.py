@@ -20,7 +20,7 @@ from uuvsim_cosim.errors import InputInvalid, SystemInvalid, UuvsimError
 from uuvsim_cosim.models.declaration.yaml_text import YamlText, plain, shown
 from uuvsim_cosim.orchestrator.plan.flatten import flatten
 from uuvsim_cosim.orchestrator.running.library import load
-from uuvsim_cosim.orchestrator.system.elements import Loops
+from uuvsim_cosim.orchestrator.system.elements import Loops, Mismatches
 from uuvsim_cosim.orchestrator.system.system import System
 from uuvsim_cosim.studies.metric import Metric, read_metric
 from uuvsim_cosim.studies.run_table import MOST_RUNS, Runs, check_runs, check_seeds
@@ -48,10 +48,13 @@ class StudyOptions(TypedDict):
     output: str | None
 
 
-def read_study(path: Path, loops: Loops | None = None) -> StudyOptions:
+def read_study(
+    path: Path, loops: Loops | None = None, mismatches: Mismatches | None = None
+) -> StudyOptions:
     """Read a study file; raises InputInvalid with every mistake and its line.
 
-    `loops` is the policy for algebraic loops instead of the file's.
+    `loops` is the policy for algebraic loops instead of the file's, `mismatches` that for parts of
+    another vehicle instead of the system's.
     """
     text = YamlText(path, "a study")
     if not text.keys([], text.data, KEYS):
@@ -61,7 +64,7 @@ def read_study(path: Path, loops: Loops | None = None) -> StudyOptions:
         if key not in data:
             text.wrong([], f"{key} missing; expected {', '.join(KEYS[:3])} …, at least "
                        "system, duration and metrics")  # fmt: skip
-    system = _system(text, data, loops)
+    system = _system(text, data, loops, mismatches)
     tick = None if system is None else system.base_step
     duration = _seconds(text, data, ["duration"], tick)
     every = _seconds(text, data, ["every"], tick) if "every" in data else None
@@ -96,8 +99,10 @@ def read_study(path: Path, loops: Loops | None = None) -> StudyOptions:
     )
 
 
-def _system(text: YamlText, data: Mapping[str, Any], loops: Loops | None) -> System | None:
-    """Load the system: a name, or a file beside the study; then apply `set` and `loops`."""
+def _system(
+    text: YamlText, data: Mapping[str, Any], loops: Loops | None, mismatches: Mismatches | None
+) -> System | None:
+    """Load the system: a name, or a file beside the study; then apply `set` and the policies."""
     given = data.get("system")
     if given is None:
         return None
@@ -113,6 +118,7 @@ def _system(text: YamlText, data: Mapping[str, Any], loops: Loops | None) -> Sys
     try:
         policy = data.get("loops") if loops is None else loops
         system = system if policy is None else system.with_loops(policy)
+        system = system if mismatches is None else system.with_mismatches(mismatches)
         flatten(system)
     except UuvsimError as error:
         text.wrong(["loops"] if "loops" in data else ["system"], str(error))

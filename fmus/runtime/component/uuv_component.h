@@ -27,6 +27,7 @@ typedef struct {
     uint8_t type;    /* enum uuv_type */
     uint8_t kind;    /* enum uuv_kind */
     uint8_t array;   /* 0: a scalar */
+    uint8_t soft_min; /* a value below min is reported, not refused: FMI shells alone read it */
     double min, max; /* -inf, inf where there is none */
 } uuv_variable;
 

@@ -3,9 +3,15 @@
 #include "shell_exchange.h"
 #include "shell_states.h"
 
-static fmi2Status status_of(int ok) { return ok ? fmi2OK : fmi2Error; }
+static fmi2Status status_of(int result) {
+    return result == DONE ? fmi2OK : result == REFUSED ? fmi2Error : fmi2Warning;
+}
 
-static void shell_log(shell *s, const char *message) {
+static const char *category_of(int result) {
+    return result == REFUSED ? "logStatusError" : "logStatusWarning";
+}
+
+static void shell_log(shell *s, int result, const char *message) {
     char format[1024];
     size_t n = 0;
     if (!s->log) return;
@@ -14,8 +20,8 @@ static void shell_log(shell *s, const char *message) {
         format[n++] = *p;
     }
     format[n] = '\0';
-    ((fmi2CallbackLogger)s->log)(s->environment, s->name ? s->name : "", fmi2Error,
-                                 "logStatusError", format);
+    ((fmi2CallbackLogger)s->log)(s->environment, s->name ? s->name : "",
+                                 status_of(result), category_of(result), format);
 }
 
 /* ---- life ------------------------------------------------------------------------------ */
@@ -27,12 +33,14 @@ const char *fmi2GetVersion(void) { return fmi2Version; }
 fmi2Status fmi2SetDebugLogging(fmi2Component c, fmi2Boolean loggingOn, size_t nCategories,
                                const fmi2String categories[]) {
     shell *s = c;
-    (void)loggingOn; /* errors are always reported, and there is nothing else to report */
+    (void)loggingOn; /* errors and warnings are always reported, and there is nothing else to report */
     if (!in_mode(s, "fmi2SetDebugLogging", ANY_MODE)) return fmi2Error;
     for (size_t i = 0; i < nCategories; i++)
-        if (strcmp(categories[i], "logStatusError") != 0)
+        if (strcmp(categories[i], category_of(REFUSED)) != 0 &&
+            strcmp(categories[i], category_of(DONE_WITH_WARNING)) != 0)
             return status_of(refuse(s, "fmi2SetDebugLogging: category \"%s\" is unknown; expected "
-                                       "\"logStatusError\"", categories[i]));
+                                       "\"logStatusError\" or \"logStatusWarning\"",
+                                    categories[i]));
     return fmi2OK;
 }
 

@@ -6,11 +6,18 @@
 #include "shell_exchange.h"
 #include "shell_states.h"
 
-static fmi3Status status_of(int ok) { return ok ? fmi3OK : fmi3Error; }
+static fmi3Status status_of(int result) {
+    return result == DONE ? fmi3OK : result == REFUSED ? fmi3Error : fmi3Warning;
+}
 
-static void shell_log(shell *s, const char *message) {
+static const char *category_of(int result) {
+    return result == REFUSED ? "logStatusError" : "logStatusWarning";
+}
+
+static void shell_log(shell *s, int result, const char *message) {
     if (s->log)
-        ((fmi3LogMessageCallback)s->log)(s->environment, fmi3Error, "logStatusError", message);
+        ((fmi3LogMessageCallback)s->log)(s->environment, status_of(result), category_of(result),
+                                         message);
 }
 
 /* ---- life ------------------------------------------------------------------------------ */
@@ -19,12 +26,14 @@ const char *fmi3GetVersion(void) { return fmi3Version; }
 
 fmi3Status fmi3SetDebugLogging(fmi3Instance instance, fmi3Boolean loggingOn, size_t nCategories,
                                const fmi3String categories[]) {
-    (void)loggingOn; /* errors are always reported, and there is nothing else to report */
+    (void)loggingOn; /* errors and warnings are always reported, and there is nothing else to report */
     if (!in_mode(instance, "fmi3SetDebugLogging", ANY_MODE)) return fmi3Error;
     for (size_t i = 0; i < nCategories; i++)
-        if (strcmp(categories[i], "logStatusError") != 0)
+        if (strcmp(categories[i], category_of(REFUSED)) != 0 &&
+            strcmp(categories[i], category_of(DONE_WITH_WARNING)) != 0)
             return status_of(refuse(instance, "fmi3SetDebugLogging: category \"%s\" is unknown; "
-                                              "expected \"logStatusError\"", categories[i]));
+                                              "expected \"logStatusError\" or "
+                                              "\"logStatusWarning\"", categories[i]));
     return fmi3OK;
 }
 

@@ -31,13 +31,17 @@ typedef struct {
     char *name;
     uint64_t mode;
     int exchange; /* for Model Exchange; else for Co-Simulation */
+    int warned;   /* a value below a soft minimum has been reported */
     double time, start_time, stop_time; /* stop_time: inf where there is none */
     void *environment;
     void (*log)(void); /* the importer's callback, cast by the shell */
 } shell;
 
-/* Hands a finished message to the importer; each shell has its own. */
-static void shell_log(shell *s, const char *message);
+/* What a call gives: its status is Error, OK or Warning. */
+enum { REFUSED = 0, DONE = 1, DONE_WITH_WARNING = 2 };
+
+/* Hands a finished message to the importer, as an error or a warning; each shell has its own. */
+static void shell_log(shell *s, int result, const char *message);
 
 static const char *mode_name(uint64_t mode) {
     switch (mode) {
@@ -58,8 +62,8 @@ static int refuse(shell *s, const char *format, ...) {
     va_start(arguments, format);
     vsnprintf(text, sizeof text, format, arguments);
     va_end(arguments);
-    shell_log(s, text);
-    return 0;
+    shell_log(s, REFUSED, text);
+    return REFUSED;
 }
 
 static int in_mode(shell *s, const char *function, unsigned allowed) {
@@ -114,6 +118,7 @@ static shell *shell_instantiate(const char *name, const char *token, void *envir
 static void shell_reset(shell *s) {
     uuv_reset(s->block);
     s->mode = INSTANTIATED;
+    s->warned = 0;
     s->time = s->start_time = 0.0;
     s->stop_time = __builtin_inf();
 }

@@ -31,7 +31,13 @@ static int shell_exit_initialization(shell *s, const char *function) {
         return 0;
     }
     s->mode = s->exchange ? EVENT_MODE : STEP_MODE;
-    return 1;
+    int result = DONE;
+    for (uint32_t i = 0; i < s->block->component->n_variables; i++) {
+        const uuv_variable *v = &s->block->component->variables[i];
+        for (uint32_t j = 0; v->soft_min && j < v->size; j++)
+            if (below_minimum(s, v, j) == DONE_WITH_WARNING) result = DONE_WITH_WARNING;
+    }
+    return result;
 }
 
 /* Gives 1 if a step from t by h can be made now, or refuses. */

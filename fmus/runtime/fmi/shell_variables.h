@@ -96,6 +96,21 @@ static V *settable(shell *s, const char *function, uint32_t vr, unsigned type, i
     }
 }
 
+/* Reports the first value below a soft minimum with which the component computes: until the end of
+ * initialization, importers may set values that they replace. */
+static int below_minimum(shell *s, const uuv_variable *v, uint32_t element) {
+    const double value = uuv_lane(s->block->b[v->offset + element], 0);
+    char name[96], text[512];
+    if (!v->soft_min || !(value < v->min) || s->warned) return DONE;
+    if (s->mode & (INSTANTIATED | INITIALIZATION_MODE)) return DONE;
+    s->warned = 1;
+    snprintf(text, sizeof text, "\"%s\" = %.9g at t = %.9g s; expected a value in [%.9g, %.9g]. "
+             "The component goes on as at %.9g, and does not report this again",
+             element_name(name, v, element), value, s->time, v->min, v->max, v->min);
+    shell_log(s, DONE_WITH_WARNING, text);
+    return DONE_WITH_WARNING;
+}
+
 /* Checks a value against its variable's bounds. */
 static int acceptable(shell *s, const char *function, uint32_t offset, double value) {
     uint32_t element;
@@ -104,7 +119,7 @@ static int acceptable(shell *s, const char *function, uint32_t offset, double va
     if (!__builtin_isfinite(value))
         return refuse(s, "%s: \"%s\" = %g; expected a finite number", function,
                       element_name(name, v, element), value);
-    if (value < v->min || value > v->max)
+    if ((value < v->min && !v->soft_min) || value > v->max)
         return refuse(s, "%s: \"%s\" = %.17g; expected a value in [%.17g, %.17g]", function,
                       element_name(name, v, element), value, v->min, v->max);
     return 1;
@@ -172,6 +187,7 @@ static int get_values(shell *s, const char *function, const uint32_t *vr, size_t
 static int set_values(shell *s, const char *function, const uint32_t *vr, size_t n_vr,
                       unsigned type, int whole, const void *values, size_t n, value_reader at) {
     if (!in_mode(s, function, ANY_MODE & ~(TERMINATED | FAILED))) return 0;
+    int result = DONE;
     for (int storing = 0; storing < 2; storing++) {
         size_t used = 0;
         for (size_t i = 0; i < n_vr; i++) {
@@ -181,16 +197,20 @@ static int set_values(shell *s, const char *function, const uint32_t *vr, size_t
             if (used + size > n) return counts_match(s, function, used + size, n);
             for (uint32_t j = 0; j < size; j++) {
                 const double value = at(values, used + j);
-                if (storing)
+                if (storing) {
+                    uint32_t element;
                     store(s, place + j, value);
-                else if (!acceptable(s, function, vr[i] + j, value))
+                    const uuv_variable *v = owner(s->block->component, vr[i] + j, &element);
+                    if (below_minimum(s, v, element) == DONE_WITH_WARNING)
+                        result = DONE_WITH_WARNING;
+                } else if (!acceptable(s, function, vr[i] + j, value))
                     return 0;
             }
             used += size;
         }
         if (!counts_match(s, function, used, n)) return 0;
     }
-    return 1;
+    return result;
 }
 
 static double read_double(const void *values, size_t i) { return ((const double *)values)[i]; }

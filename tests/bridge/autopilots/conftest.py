@@ -1,4 +1,4 @@
-"""The fake autopilot, compiled once by the project's own compiler."""
+"""The fake autopilots: ArduSub in C, compiled once by the project's own compiler, and PX4."""
 
 from __future__ import annotations
 
@@ -22,3 +22,18 @@ def compiled(binary: Path) -> Path:
 @pytest.fixture(scope="session")
 def fake(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return compiled(tmp_path_factory.mktemp("fake") / "ardusub")
+
+
+@pytest.fixture(scope="session")
+def px4(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Folder like a build of PX4, with a PX4 end in Python as its binary."""
+    build = tmp_path_factory.mktemp("px4_sitl_default")
+    airframes = build / "etc" / "init.d-posix" / "airframes"
+    airframes.mkdir(parents=True)
+    (airframes / "60002_gz_uuv_bluerov2_heavy").touch()
+    (airframes.parent / "rcS").touch()
+    (build / "bin").mkdir()
+    code = (Path(__file__).parent / "fake_px4.py").read_text(encoding="utf-8")
+    (build / "bin" / "px4").write_text(f"#!{sys.executable} -IS\n{code}", encoding="utf-8")
+    (build / "bin" / "px4").chmod(0o755)
+    return build

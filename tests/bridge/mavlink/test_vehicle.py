@@ -5,87 +5,26 @@ from __future__ import annotations
 import math
 import os
 import socket
-import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
-from uuvsim_cosim.bridge.calls.service import Client
-from uuvsim_cosim.bridge.http.keyboard import with_keyboards
+from tests.bridge.mavlink.ground import ME, Ground, grounded, mav, mavutil
 from uuvsim_cosim.bridge.mavlink.link import Address, Link
 from uuvsim_cosim.bridge.mavlink.server import MavlinkServer
-from uuvsim_cosim.bridge.mavlink.vehicle import global_of, local_of
+from uuvsim_cosim.bridge.mavlink.vehicle import ORIGIN, State, global_of, local_of, messages_of
 from uuvsim_cosim.bridge.server.conductor import Conductor
 from uuvsim_cosim.errors import InputInvalid
-from uuvsim_cosim.orchestrator.running.library import load
 from uuvsim_cosim.studies.identification.logs import read_log
-
-mavutil = pytest.importorskip("pymavlink.mavutil")
-mav = pytest.importorskip("pymavlink.dialects.v20.ardupilotmega")
-ME = Client("test", "local")
-LIMIT = 30.0  # [s] after which an answer counts as missing
-
-
-class Ground:
-    """A ground station: pymavlink's connection, and the waiting for an answer."""
-
-    def __init__(self, conductor: Conductor, port: int) -> None:
-        self.conductor = conductor
-        self.link = mavutil.mavlink_connection(
-            f"tcp:127.0.0.1:{port}", source_system=255, dialect="ardupilotmega"
-        )
-        self.link.mav.heartbeat_send(6, 8, 0, 0, 4)
-
-    def wait(self, kind: str, good: Callable[[Any], bool] = lambda m: True) -> Any:
-        end = time.monotonic() + LIMIT
-        while time.monotonic() < end:
-            message = self.link.recv_match(type=kind, blocking=True, timeout=1.0)
-            if message is not None and good(message):
-                return message
-        raise AssertionError(f"no {kind}")
-
-    def command(self, number: int, *values: float) -> int:
-        self.link.mav.command_long_send(1, 1, number, 0, *(*values, *[0.0] * 7)[:7])
-        return int(self.wait("COMMAND_ACK", lambda m: m.command == number).result)
-
-    def arm(self, mode: int) -> None:
-        assert self.command(mav.MAV_CMD_DO_SET_MODE, 1, mode) == mav.MAV_RESULT_ACCEPTED
-        assert self.command(mav.MAV_CMD_COMPONENT_ARM_DISARM, 1) == mav.MAV_RESULT_ACCEPTED
-
-    def item(self, seq: int, n: float, e: float, d: float) -> Any:
-        lat, lon = global_of(n, e, (33.810313, -118.393867))
-        return mav.MAVLink_mission_item_int_message(
-            1, 1, seq, 3, 16, 0, 1, 0, 0, 0, 0, round(lat * 1e7), round(lon * 1e7), -d, 0
-        )
-
-    def upload(self, items: list[Any]) -> int:
-        self.link.mav.mission_count_send(1, 1, len(items), 0)
-        while True:
-            m = self.wait("MISSION_ACK") if not items else self.link.recv_match(
-                type=["MISSION_REQUEST_INT", "MISSION_ACK"], blocking=True, timeout=LIMIT
-            )  # fmt: skip
-            assert m is not None
-            if m.get_type() == "MISSION_ACK":
-                return int(m.type)
-            self.link.mav.send(items[m.seq])
 
 
 @pytest.fixture
 def ground() -> Iterator[Ground]:
-    swaps = {"pilot": "keyboard"}
-    with_keyboards(lambda: load("bluerov2_hold"), swaps)
-    system = load("bluerov2_hold")
-    for path, source in swaps.items():
-        system = system.replace(path, source)
-    with Conductor(system) as conductor, MavlinkServer(conductor, "tcpin:127.0.0.1:0") as server:
-        running = conductor.ask("run", ME, None, 5.0, ())
-        station = Ground(conductor, server.ends[0].link.port)
+    with grounded() as station:
         yield station
-        station.link.close()
-        assert not running.done() or running.exception() is None
 
 
 def test_state_is_that_of_the_hull(ground: Ground) -> None:
@@ -239,6 +178,27 @@ def test_an_occupied_port_and_a_wrong_address_are_refused() -> None:
     with pytest.raises(InputInvalid, match="without authentication"):
         Address.of("udpin:0.0.0.0:14550")
     assert Address.of("udpin:0.0.0.0:14550", anyone=True).host == "0.0.0.0"
+
+
+def _gps(depth: float, **sensed: Any) -> Any:
+    state = State(1.0, (3.0, 4.0, depth, 0.0, 0.0, 0.0), (0.0,) * 6, (0.0,) * 6, **sensed)
+    return messages_of(mav, state, ORIGIN)["GPS_RAW_INT"]
+
+
+def test_gps_has_a_fix_only_at_the_surface() -> None:
+    lat, lon = (round(x * 1e7) for x in global_of(3.0, 4.0, ORIGIN))
+    above = _gps(0.1)
+    assert (above.fix_type, above.lat, above.lon, above.satellites_visible) == (3, lat, lon, 10)
+    for depth in (0.3, 10.0):
+        below = _gps(depth)
+        assert (below.fix_type, below.lat, below.lon, below.satellites_visible) == (1, 0, 0, 0)
+
+
+def test_gps_is_that_of_the_systems_receiver() -> None:
+    lat, lon = (round(x * 1e7) for x in global_of(3.5, 4.5, ORIGIN))
+    found = _gps(0.1, gps_position=(3.5, 4.5, -0.2), gps_valid=1.0)
+    assert (found.fix_type, found.lat, found.lon) == (3, lat, lon)
+    assert _gps(0.1, gps_position=(3.5, 4.5, -0.2), gps_valid=0.0).fix_type == 1
 
 
 @pytest.mark.parametrize("place", [(0.0, 0.0), (100.0, -2000.0), (-3.0, 5.0)])

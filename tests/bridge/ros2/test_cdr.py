@@ -10,7 +10,19 @@ from uuvsim_cosim.bridge.ros2.conversions import CONVERSIONS, GENERIC
 from uuvsim_cosim.bridge.ros2.topic_writer import DISTRIBUTIONS, typestore
 from uuvsim_cosim.errors import InputInvalid
 
-FURTHER = ("sensor_msgs/msg/PointCloud2", "sensor_msgs/msg/Image", "sensor_msgs/msg/JointState")
+FURTHER = ("std_msgs/msg/String",)
+TEXTS = {"header.frame_id": "map", "child_frame_id": "a/b", "name.1": "x", "status.2.message": "no"}
+SEQUENCES = (
+    "data",
+    "transforms",
+    "position",
+    "velocity",
+    "name",
+    "fields",
+    "status",
+    "ranges",
+    "d",
+)
 
 
 @pytest.mark.parametrize("distribution", DISTRIBUTIONS)
@@ -18,9 +30,8 @@ FURTHER = ("sensor_msgs/msg/PointCloud2", "sensor_msgs/msg/Image", "sensor_msgs/
 def test_bytes_are_those_of_rosbags(distribution: str, type_: str) -> None:
     store = typestore(distribution)
     rng = np.random.default_rng(0)
-    for texts, length in (({}, 0), ({"header.frame_id": "map", "child_frame_id": "a/b"}, 3)):
-        lengths = dict.fromkeys(("data", "transforms", "position", "name", "fields"), length)
-        layout = MessageLayout(store, type_, texts, lengths)
+    for texts, length in (({}, 0), (TEXTS, 3)):
+        layout = MessageLayout(store, type_, texts, dict.fromkeys(SEQUENCES, length))
         columns = {name: rng.integers(0, 2, (4, layout.count(name))) for name in layout.fields}
         for row in layout.rows(4, columns):
             message = store.deserialize_cdr(row.tobytes(), type_)

@@ -259,3 +259,34 @@ def test_progress_takes_what_training_tells_where_nothing_is_drawn() -> None:
     with TrainingProgress() as progress:
         for what in ("step", "episodes", "evaluation", "checkpoint"):
             progress(Progress(8, 80, 1, {"return": float(np.pi)}, what))
+
+
+MIXED = """\
+from uuvsim_cosim.envs import Channel, FunctionTask
+from uuvsim_cosim.orchestrator.running.library import load
+
+
+def Mixed() -> FunctionTask:
+    return FunctionTask(
+        load("bluerov2_hold").replace("hull", "model:rexrov"),
+        actions=[Channel("hull.v_c[1]", -0.1, 0.1, "m/s")], observations=["hull.eta[3]"],
+        reward=lambda m: -abs(m["hull.eta"][:, 2]), action_step="0.1", horizon="0.4",
+    )
+"""
+
+
+def test_force_trains_in_a_system_of_mixed_vehicles_and_warns_of_each(
+    uuvsim: Uuvsim, tmp_path: Path
+) -> None:
+    (tmp_path / "mixed.py").write_text(MIXED)
+    train = (
+        "train", "mixed.py:Mixed", "--envs", "2", "--steps", "8", "--evaluate-every", "8",
+        "--evaluation-episodes", "2", "--set", "hidden=8", "--set", "warm_up=4", "--no-report",
+    )  # fmt: skip
+    status, _, err = uuvsim(*train)
+    assert (status, "wrench: made for bluerov2_heavy" in err, "--force" in err) == (2, True, True)
+    status, out, err = uuvsim(*train, "--force")
+    assert status == 0, err
+    assert "warning: wrench: made for bluerov2_heavy, but hull is rexrov" in " ".join(out.split())
+    status, out, err = uuvsim("evaluate", "runs/train/Mixed-sac-0", "--episodes", "2")
+    assert status == 0, err

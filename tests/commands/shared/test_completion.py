@@ -63,7 +63,7 @@ def completed(tmp_path: Path) -> Completed:
 
 def test_bash_completes_names_that_ship(completed: Completed) -> None:
     assert completed("uuvsim run bluerov2_") == [
-        "bluerov2_ardusub", "bluerov2_hold", "bluerov2_survey", "bluerov2_task",
+        "bluerov2_ardusub", "bluerov2_hold", "bluerov2_px4", "bluerov2_survey", "bluerov2_task",
     ]  # fmt: skip
     assert completed("uuvsim models show rem") == ["remus100"]
     assert "thruster_t200" in completed("uuvsim fmu build thruster thr")

@@ -4,6 +4,8 @@ from pathlib import Path
 import pytest
 
 from uuvsim_cosim.cli import status_of
+from uuvsim_cosim.orchestrator.running.library import load
+from uuvsim_cosim.orchestrator.ssp.ssd import write_ssd
 
 STUDY = """\
 system: bluerov2_hold
@@ -96,3 +98,20 @@ def test_wrong_arguments_have_status_2(uuvsim: Uuvsim, arguments: list[str], say
     status, _, err = uuvsim("study", *arguments)
     assert status == 2
     assert says in err
+
+
+def test_force_runs_a_study_of_mixed_vehicles_and_warns_of_each(
+    uuvsim: Uuvsim, tmp_path: Path
+) -> None:
+    mixed = load("bluerov2_hold").replace("hull", "model:rexrov")
+    write_ssd(mixed, tmp_path / "mixed.ssd")
+    (tmp_path / "s.yaml").write_text(
+        "{system: mixed.ssd, duration: 0.1, metrics: {depth: 'final(hull.eta[3])'}}"
+    )
+    status, _, err = uuvsim("study", "s.yaml", "--no-report")
+    assert (status, "made for bluerov2_heavy" in err, "--force" in err) == (2, True, True)
+    status, out, _ = uuvsim("study", "s.yaml", "--no-report", "--force")
+    assert status == 0
+    assert "warning: allocation: made for bluerov2_heavy, but hull is rexrov" in " ".join(
+        out.split()
+    )

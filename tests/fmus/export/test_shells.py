@@ -90,6 +90,38 @@ def test_a_value_out_of_its_bounds_is_refused_with_name_value_and_bounds(
 
 
 @both
+def test_the_first_value_below_a_soft_minimum_is_reported_and_used(
+    instance: Make, fmi: int
+) -> None:
+    x = instance("supplied", fmi)
+    x.set("u", 0.0)  # replaced before anything is computed
+    x.enter()
+    x.set("u", 0.0)
+    x.set("u", 13.0)
+    x.x.exitInitializationMode()
+    assert x.messages == []
+    x.step(0.0, 0.5)
+    x.set("u", 11.5)
+    assert '"u" = 11.5 at t = 0.5 s; expected a value in [12, 16]' in x.messages[-1]
+    x.set("u", 10.0)
+    x.step(0.5, 0.5)
+    assert (len(x.messages), x.get("u"), x.get("y")) == (1, 10.0, 20.0)
+    with pytest.raises(FMICallException):
+        x.set("u", 16.5)
+    assert '"u" = 16.5; expected a value in [12, 16]' in x.messages[-1]
+
+
+@both
+def test_initialization_that_ends_below_a_soft_minimum_is_reported(
+    instance: Make, fmi: int
+) -> None:
+    x = instance("supplied", fmi)
+    x.set("u", 0.0)
+    x.start()
+    assert '"u" = 0 at t = 0 s; expected a value in [12, 16]' in x.messages[0]
+
+
+@both
 def test_a_value_that_is_not_finite_is_refused(instance: Make, fmi: int) -> None:
     x = instance("linear", fmi).start()
     with pytest.raises(FMICallException):

@@ -115,6 +115,35 @@ def test_the_margins_of_depth_are_those_of_the_generated_system() -> None:
     assert found.crossover == pytest.approx(crossover, rel=0.03)
 
 
+def rudder_of_tethys(system: uuv.System, at: float) -> tuple[float, float]:
+    """Return phase margin [deg] and crossover [rad/s] of the heading, opened at the rudder."""
+    found = uuv.analyse(system, "controller.delta_d[1]", at=at)[0].margins
+    return float(np.degrees(found.phase)), found.crossover
+
+
+def test_the_margins_of_heading_are_those_of_the_generated_system_on_a_straight_course() -> None:
+    """Without guidance, whose loop takes some degrees: within 2 deg and 3 %."""
+    loiter = uuv.system_of("tethys_lrauv")
+    speed = float(np.asarray(loiter.components["guidance"].start["speed"]))
+    straight = (
+        loiter.remove("guidance")
+        .set("controller.eta_d", [0, 0, 5, 0, 0, 0])
+        .set("controller.nu_d", [speed, 0, 0, 0, 0, 0])
+    )
+    phase, crossover = rudder_of_tethys(straight, 5.0)
+    d = design_fins("tethys_lrauv")
+    loops = [m for m in fin_margins(d) if m.axis == "heading"]
+    assert phase == pytest.approx(np.interp(speed, d.V, [m.phase for m in loops]), abs=2.0)
+    assert crossover == pytest.approx(np.interp(speed, d.V, [m.crossover for m in loops]), rel=0.03)
+
+
+def test_a_turn_damps_the_hull_and_raises_the_margin_of_heading() -> None:
+    """On its circle of 26 m; 57 deg by the design for straight flight."""
+    phase, crossover = rudder_of_tethys(uuv.system_of("tethys_lrauv"), 120.0)
+    assert 75.0 < phase < 85.0
+    assert crossover < 0.5
+
+
 def test_the_margins_of_speed_are_those_of_the_generated_system() -> None:
     """The speed loop, opened at the propeller's command, by `analyse`: within 5 deg and 10 %."""
     system = uuv.system_of("remus100")

@@ -9,7 +9,7 @@ import pytest
 from uuvsim_cosim.models.declaration.modeline import headed, keep_schemas, schema_in, schemas
 from uuvsim_cosim.models.importing.new_vehicle import write_vehicle
 from uuvsim_cosim.models.worlds.scene import load_scene, save_scene
-from uuvsim_cosim.scene.mapping.survey import keep_settings, settings_of_system
+from uuvsim_cosim.scene.mapping.settings_file import keep_settings, settings_of_system
 
 LINE = "# yaml-language-server: $schema=.schema/{}.schema.json\n"
 

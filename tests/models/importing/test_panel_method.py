@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 
 sys.path.insert(0, str(Path(__file__).parent))
 
-from geometry_table import CUBE, box, ellipsoid
+from geometry_table import CUBE, CYLINDER, box, cylinder, ellipsoid, profile
+from rings import across
 
 from uuvsim_cosim.cli import status_of
 from uuvsim_cosim.errors import InputInvalid
@@ -60,6 +61,33 @@ def test_a_cube_has_its_published_added_mass_and_a_sphere_none_in_rotation() -> 
     sphere = solved(ellipsoid(0.5, 0.5, 0.5, 24))
     assert np.diag(sphere)[:3] == pytest.approx(pi / 12, rel=0.01)
     assert not np.diag(sphere)[3:].any()
+
+
+def coefficient(length: float, cuts: int = 6) -> float:
+    """Added mass across a cylinder of diameter 1 over its volume, by rings of sources."""
+    return across(profile(length, cuts)) / (pi / 4 * length)
+
+
+def test_rings_of_sources_have_lamb_s_added_mass_of_a_spheroid() -> None:
+    polar = np.linspace(0.0, pi, 121)
+    meridian = np.stack([-2.5 * np.cos(polar), 0.5 * np.sin(polar)], axis=1)
+    assert across(meridian) == pytest.approx(added_mass(2.5, 0.5, 0.5, 1.0)[1], rel=2e-3)
+
+
+def test_the_ends_of_a_long_cylinder_cost_as_much_as_those_of_a_longer_one() -> None:
+    """A published table of 0.90 at 5 and 0.96 at 9 diameters has a third less of it at 9."""
+    ends = [length * (1.0 - coefficient(length)) for length in (5.0, 9.0)]
+    assert ends[1] == pytest.approx(ends[0], rel=0.05)
+    published = [length * (1.0 - CYLINDER[length]) for length in (5.0, 9.0)]
+    assert published[1] < 0.75 * published[0]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("length", CYLINDER)
+def test_a_cylinder_across_its_axis_has_the_added_mass_of_rings_of_sources(length: float) -> None:
+    pytest.importorskip("capytaine")
+    by_rings = across(profile(length))
+    assert solved(cylinder(length, 1.0))[1, 1] == pytest.approx(by_rings, rel=5e-3)
 
 
 @pytest.mark.slow

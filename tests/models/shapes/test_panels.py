@@ -104,3 +104,21 @@ def test_a_surface_with_too_many_edges_is_refused_with_what_to_leave_out() -> No
     pins = [pin + place for place in places]
     with pytest.raises(InputInvalid, match=r"comb.stl: its sharp edges need \d+ panels .* bolts"):
         panel_meshes(Mesh(np.concatenate(pins)), "comb.stl")
+
+
+def test_panels_at_the_tips_of_a_slender_spheroid_are_neither_slivers_nor_folded() -> None:
+    half = np.array([2.0, 0.25, 0.25])
+    polar, around = np.linspace(0.0, pi, 97), np.linspace(0.0, 2.0 * pi, 193)
+    p = np.stack([np.outer(np.cos(polar), np.ones(193)), np.outer(np.sin(polar), np.cos(around)),
+                  np.outer(np.sin(polar), np.sin(around))], axis=2) * half  # fmt: skip
+    a, b, c, d = p[:-1, :-1], p[1:, :-1], p[1:, 1:], p[:-1, 1:]
+    upper, lower = np.stack([a, b, d], axis=2)[1:], np.stack([b, c, d], axis=2)[:-1]
+    surface = np.concatenate([upper.reshape(-1, 3, 3), lower.reshape(-1, 3, 3)])
+    for t in panel_meshes(repaired(surface, "spheroid")).meshes:
+        twice = np.cross(t[:, 1] - t[:, 0], t[:, 2] - t[:, 0])
+        size = np.linalg.norm(twice, axis=1)
+        outward = t.mean(axis=1) / half**2
+        facing = (twice * outward).sum(axis=1) / (size * np.linalg.norm(outward, axis=1))
+        sides = ((t - np.roll(t, 1, axis=1)) ** 2).sum(axis=(1, 2))
+        assert facing.min() > 0.9
+        assert (2.0 * np.sqrt(3.0) * size / sides).min() > 0.25  # 1: equilateral

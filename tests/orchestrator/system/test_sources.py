@@ -119,3 +119,16 @@ def test_a_native_component_is_compiled_again_after_a_change_of_its_file(
     before = speed()
     file.write_text(file.read_text().replace("M_A_11: {value: 16.", "M_A_11: {value: 26."))
     assert 0 < speed() < 0.9 * before
+
+
+def test_a_table_reads_nothing_so_connections_to_its_slot_end(tmp_path: Path) -> None:
+    (tmp_path / "g.csv").write_text(
+        "time," + ",".join(f"{n}[{i}]" for n in ("eta_d", "nu_d") for i in range(1, 7))
+        + "\n0" + ",0" * 12 + "\n"
+    )  # fmt: skip
+    before = load("bluerov2_hold")
+    assert any(c.target.startswith("guidance.") for c in before.connections)
+    names = {f"{n}[{i}]": f"{n}[{i}]" for n in ("eta_d", "nu_d") for i in range(1, 7)}
+    after = before.replace("guidance", str(tmp_path / "g.csv"), map=names)
+    assert not any(c.target.startswith("guidance.") for c in after.connections)
+    flatten(after)

@@ -1,7 +1,11 @@
+from dataclasses import replace
+from pathlib import Path
+
 import numpy as np
+import pyarrow.parquet as pq
 import pytest
 
-from uuvsim_cosim.view.recorded import metrics
+import uuvsim_cosim as uuv
 from uuvsim_cosim.view.recorded.metrics import (
     cross_track_error,
     energy,
@@ -11,7 +15,7 @@ from uuvsim_cosim.view.recorded.metrics import (
     tracking,
     wrapped,
 )
-from uuvsim_cosim.view.recorded.traces import Traces, joined
+from uuvsim_cosim.view.recorded.traces import Traces, joined, traces_of
 
 CORNER = np.array([[0.0, 0.0, 5.0], [10.0, 0.0, 5.0], [10.0, 10.0, 5.0]])
 
@@ -30,19 +34,22 @@ CORNER = np.array([[0.0, 0.0, 5.0], [10.0, 0.0, 5.0], [10.0, 10.0, 5.0]])
 def test_cross_track_error_is_the_signed_distance_to_the_nearest_leg(
     position: tuple[float, float], error: float
 ) -> None:
-    assert cross_track_error(np.array([position]), CORNER)[0] == pytest.approx(error, abs=1e-12)
+    north, east = np.array([position]).T
+    found = np.asarray(cross_track_error(north, east, CORNER))
+    assert found[0] == pytest.approx(error, abs=1e-12)
 
 
-def test_cross_track_error_does_not_depend_on_depth_or_on_repeated_waypoints() -> None:
-    deep = np.array([[5.0, 2.0, 400.0]])
+def test_cross_track_error_does_not_depend_on_repeated_waypoints() -> None:
     repeated = np.vstack([CORNER[:1], CORNER[:1], CORNER[1:], CORNER[2:]])
-    assert cross_track_error(deep, repeated)[0] == pytest.approx(2.0)
+    assert np.asarray(cross_track_error(np.array([5.0]), np.array([2.0]), repeated))[
+        0
+    ] == pytest.approx(2.0)
 
 
 def test_a_sine_beside_the_path_has_the_rms_of_a_sine() -> None:
     n = np.linspace(0.0, 10.0, 10_001)
     eta = np.column_stack([n, 0.3 * np.sin(2 * np.pi * n), 5 + 0 * n, 0 * n, 0 * n, 0 * n])
-    found = tracking(n, eta, CORNER[:2], eta[:, 2])
+    found = tracking(n, eta.T, CORNER[:2], eta[:, 2])
     assert found.rms == pytest.approx(0.3 / np.sqrt(2), rel=1e-3)
     assert found.max == pytest.approx(0.3, rel=1e-6)
     assert found.depth_rms == 0.0
@@ -52,16 +59,16 @@ def test_the_approach_does_not_count() -> None:
     time = np.arange(11.0)
     eta = np.zeros((11, 6))
     eta[:, 1] = 10.0 - time  # from 10 m beside the path onto it
-    found = tracking(time, eta, CORNER[:2])
+    found = tracking(time, eta.T, CORNER[:2])
     assert found.approach_ends == 9.0
     assert found.max == pytest.approx(1.0)
-    assert np.isnan(found.error[:9]).all()
+    assert np.isnan(np.asarray(found.error)[:9]).all()
 
 
 def test_a_vehicle_that_never_comes_close_counts_from_the_start() -> None:
     eta = np.zeros((5, 6))
     eta[:, 1] = 7.0
-    found = tracking(np.arange(5.0), eta, CORNER[:2])
+    found = tracking(np.arange(5.0), eta.T, CORNER[:2])
     assert found.rms == pytest.approx(7.0)
     assert found.approach_ends == 0.0
 
@@ -105,9 +112,9 @@ def test_a_nested_vehicles_signals_are_found_by_the_end_of_their_name() -> None:
     time = np.arange(3.0)
     columns = {f"rov.hull.eta[{i}]": time for i in range(1, 7)}
     traces = Traces(time, joined(columns))
-    found = traces.vector("hull.eta", 6)
+    found = traces.elements("hull.eta", 6)
     assert found is not None
-    assert found.shape == (3, 6)
+    assert len(found) == 6
 
 
 @pytest.mark.parametrize(("speed", "until"), [(0.5, True), (0.0, False)])
@@ -128,13 +135,23 @@ def test_the_error_ends_where_a_vehicle_circles_but_not_where_it_holds(
     assert ("until the path's end (11 s)" in found["cross_track_rms"].note) == until
 
 
-@pytest.mark.parametrize("rows", [1, 7, 49, 50])
-def test_figures_of_blocks_have_the_bits_of_figures_of_the_whole(
-    rows: int, monkeypatch: pytest.MonkeyPatch
+@pytest.fixture(scope="module")
+def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("runs") / "survey"
+    return uuv.run("bluerov2_survey", until=1.0, backend="native", out=folder).folder
+
+
+@pytest.mark.parametrize("rows", [1, 7, 100, 101])
+def test_figures_of_a_recording_that_is_read_by_block_are_those_of_arrays(
+    rows: int, recording: Path, tmp_path: Path
 ) -> None:
-    eta = np.random.default_rng(1).normal(size=(50, 6))
-    traces = Traces(np.arange(50.0), {"hull.eta": eta})
-    whole, error = figures(traces, CORNER), cross_track_error(eta, CORNER)
-    monkeypatch.setattr(metrics, "ROWS", rows)
-    assert figures(traces, CORNER) == whole
-    np.testing.assert_array_equal(cross_track_error(eta, CORNER), error)
+    table = pq.read_table(recording / "signals.parquet")
+    pq.write_table(table, tmp_path / "signals.parquet", row_group_size=rows)
+    traces = traces_of(tmp_path)
+    in_memory, by_block = (
+        figures(t, CORNER) for t in (replace(traces, values=dict(traces.values)), traces)
+    )
+    assert len(by_block) > 8
+    assert [f.key for f in by_block] == [f.key for f in in_memory]
+    for a, b in zip(in_memory, by_block, strict=True):
+        assert (a.value, a.note) == (pytest.approx(b.value, rel=1e-12), b.note), a.key

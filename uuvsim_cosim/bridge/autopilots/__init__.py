@@ -1,1 +1,1 @@
-"""Autopilots as components: the real ArduSub binary in lockstep with the simulation."""
+"""Autopilots as components: the real ArduSub or PX4 binary in lockstep with the simulation."""

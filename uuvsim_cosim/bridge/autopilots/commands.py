@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import logging
 import math
 import select
@@ -27,13 +28,19 @@ _GPS_IGNORE = 0b11_1000  # velocities, and their accuracy
 class AutopilotCommands:
     """Messages are collected with `send_…` and written by `flush`, before the tick's answer."""
 
-    def __init__(self, connection: socket.socket) -> None:
-        """Speak MAVLink 2 over a `connection`; raises InputInvalid without pymavlink."""
+    def __init__(
+        self, connection: socket.socket, name: str = "ArduSub", system: int = 1, shift: int = 0
+    ) -> None:
+        """Speak MAVLink 2 over a `connection`; raises InputInvalid without pymavlink.
+
+        `name` is the autopilot's in messages, `system` its number. The number of its mode begins at
+        bit `shift` of its heartbeat's custom mode.
+        """
         try:
             from pymavlink.dialects.v20 import ardupilotmega
         except ImportError:
             raise InputInvalid(
-                "ArduSub", "commands need pymavlink", "`pip install 'uuvsim-cosim[mavlink]'`"
+                name, "commands need pymavlink", "`pip install 'uuvsim-cosim[mavlink]'`"
             ) from None
         self._dialect = ardupilotmega
         self._mav = ardupilotmega.MAVLink(None, srcSystem=255, srcComponent=190)
@@ -42,6 +49,7 @@ class AutopilotCommands:
         self._connection = connection
         self._waiting = select.poll()
         self._waiting.register(connection, select.POLLIN)
+        self._name, self._system, self._shift = name, system, shift
         self._bytes = bytearray()
         self.armed = False
         self.mode = -1
@@ -54,14 +62,14 @@ class AutopilotCommands:
 
     def no_streams(self) -> None:
         """Stop the messages that the autopilot sends regularly, except its heartbeat."""
-        self._add(self._dialect.MAVLink_request_data_stream_message(1, 1, 0, 0, 0))
+        self._add(self._dialect.MAVLink_request_data_stream_message(self._system, 1, 0, 0, 0))
 
     def arm(self, armed: bool) -> None:
         """Arm or disarm."""
         self._command(self._dialect.MAV_CMD_COMPONENT_ARM_DISARM, float(armed))
 
     def change_mode(self, mode: int) -> None:
-        """Change the mode, by ArduSub's number."""
+        """Change the mode, by the autopilot's number: PX4 calls it the main mode."""
         self._command(self._dialect.MAV_CMD_DO_SET_MODE, 1.0, float(mode))
 
     def manual(self, axes: Sequence[float]) -> None:
@@ -70,7 +78,7 @@ class AutopilotCommands:
         extensions = 0b11  # pitch and roll are given
         self._add(
             self._dialect.MAVLink_manual_control_message(
-                1, x, y, 500 - z // 2, r, 0, 0, extensions, t, s, 0, 0, 0, 0, 0, 0
+                self._system, x, y, 500 - z // 2, r, 0, 0, extensions, t, s, 0, 0, 0, 0, 0, 0
             )
         )
 
@@ -87,7 +95,7 @@ class AutopilotCommands:
         north, east = u * math.cos(psi) - v * math.sin(psi), u * math.sin(psi) + v * math.cos(psi)
         self._add(
             self._dialect.MAVLink_set_position_target_local_ned_message(
-                round(1e3 * time) % 2**32, 1, 1, self._dialect.MAV_FRAME_LOCAL_NED,
+                round(1e3 * time) % 2**32, self._system, 1, self._dialect.MAV_FRAME_LOCAL_NED,
                 _POSITION_AND_YAW if nu_d is None else _AND_VELOCITY,
                 n, e, d, north, east, w, 0, 0, 0, psi, 0,
             )
@@ -119,17 +127,20 @@ class AutopilotCommands:
     def flush(self) -> None:
         """Write the collected messages."""
         if self._bytes:
-            self._connection.sendall(self._bytes)
+            with contextlib.suppress(ConnectionRefusedError):  # UDP: nobody listens there yet
+                self._connection.sendall(self._bytes)
             self._bytes.clear()
 
-    def read(self) -> bool:
-        """Read all messages that the autopilot has sent; return whether there were some."""
-        some = False
-        while self._waiting.poll(0) and (data := self._connection.recv(65_536)):
-            some = True
-            for message in self._mav.parse_buffer(data) or ():
-                self._note(message)
-        return some
+    def read(self) -> None:
+        """Read all messages that the autopilot has sent."""
+        with contextlib.suppress(ConnectionRefusedError):
+            while self._waiting.poll(0) and (data := self._connection.recv(65_536)):
+                for message in self._mav.parse_buffer(data) or ():
+                    self._note(message)
+
+    def close(self) -> None:
+        """Close the connection."""
+        self._connection.close()
 
     # ---- inside ---------------------------------------------------------------------------
 
@@ -137,16 +148,18 @@ class AutopilotCommands:
         kind = message.get_type()
         if kind == "HEARTBEAT" and message.get_srcComponent() == 1:
             self.armed = bool(message.base_mode & self._dialect.MAV_MODE_FLAG_SAFETY_ARMED)
-            self.mode = int(message.custom_mode)
+            self.mode = (int(message.custom_mode) >> self._shift) & 0xFF
         elif kind == "STATUSTEXT":
             self.texts.append(message.text)
-            log.info("ArduSub: %s", message.text)
+            log.info("%s: %s", self._name, message.text)
         elif kind == "COMMAND_ACK" and message.result != 0:
-            log.warning("ArduSub refused command %d (result %d)", message.command, message.result)
+            log.warning("%s refused command %d (result %d)", self._name, message.command,
+                        message.result)  # fmt: skip
 
     def _command(self, command: int, *values: float) -> None:
         padded = [*values, *[0.0] * (7 - len(values))]
-        self._add(self._dialect.MAVLink_command_long_message(1, 1, command, 0, *padded))
+        self._add(self._dialect.MAVLink_command_long_message(self._system, 1, command, 0, *padded))
 
     def _add(self, message: Any) -> None:
         self._bytes += message.pack(self._mav)
+        self._mav.seq = (self._mav.seq + 1) % 256

@@ -90,8 +90,8 @@ def state_line(
     >>> from uuvsim_cosim.bridge.autopilots.json_interface import state_line
     >>> zero = [0.0] * 3
     >>> line = state_line(0.5, zero, zero, zero, zero, [1.0, 0, 0, 0], zero, 2.0, 16.0, 1.0)
-    >>> line[:19], line[-50:-14]
-    (b'\n{"timestamp":0.500', b'1":2,"battery":{"voltage":16,"curren')
+    >>> line[1:19], line[-48:-1]
+    (b'{"timestamp":0.500', b'"rng_1":2,"battery":{"voltage":16,"current":1}}')
     """
     numbers = (
         timestamp, *gyro, *acc, *position, *attitude, *q, *velocity, distance, voltage, current,

@@ -13,6 +13,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from concurrent.futures import Future
 from dataclasses import asdict, dataclass
 from functools import cached_property
+from pathlib import Path
 from typing import Any, final, overload
 
 import numpy as np
@@ -125,6 +126,11 @@ class Service(ABC):
     @abstractmethod
     def schema(self) -> Schema:
         """List all variables; the same object until a component is replaced."""
+
+    @property
+    def folders(self) -> Sequence[Path]:
+        """The folders of the recordings so far; empty if this process records nothing."""
+        return ()
 
     def describe(self) -> Mapping[str, Any]:
         """Return the system: name, version, tick, components with kind and step, clients, mode."""

@@ -134,10 +134,19 @@ _NU = (6, ("m/s", "m/s", "m/s", "rad/s", "rad/s", "rad/s"))
 
 
 class Piloted:
-    """A person at a page: desired pose and velocity, and a policy's accelerations."""
+    """A person at a page: desired pose and velocity, and a policy's accelerations.
+
+    The output `axes` are those of the step that ends, so that a recording contains every command.
+    """
 
     inputs = {"eta": _ETA, "nu": _NU}  # noqa: RUF012
-    outputs = {"eta_d": _ETA, "nu_d": _NU, "a": "m/s2", "omega": "rad/s"}  # noqa: RUF012
+    outputs = {  # noqa: RUF012
+        "eta_d": _ETA,
+        "nu_d": _NU,
+        "a": "m/s2",
+        "omega": "rad/s",
+        "axes": (4, "1"),
+    }
     parameters = {  # noqa: RUF012
         "surge_max": (0.5, "m/s"),
         "sway_max": (0.3, "m/s"),
@@ -162,7 +171,8 @@ class Piloted:
             self.pose = [*eta[:3], eta[5]]
         largest = (self.surge_max, self.sway_max, self.heave_max, self.yaw_max)
         changes = (self.a_max, self.a_max, self.a_max, self.r_dot_max)
-        for i, s in enumerate(self.manual_axes.now()):
+        axes = self.axes_at(t + dt)
+        for i, s in enumerate(axes):
             most = changes[i] * dt
             self.velocity[i] += _within(s * largest[i] - self.velocity[i], most)
         self._move(eta, dt)
@@ -173,7 +183,12 @@ class Piloted:
             "nu_d": [u_d, v_d, w_d, 0.0, 0.0, r_d],
             "a": _within(self.k_u * (u_d - float(nu[0])), self.a_max),
             "omega": r_d,
+            "axes": axes,
         }
+
+    def axes_at(self, t: float) -> tuple[float, float, float, float]:
+        """Return the axes of the step that ends at time t [s]."""
+        return self.manual_axes.now()
 
     def _move(self, eta: list[float], dt: float) -> None:
         """Integrate the desired pose; it stays within `lead` and `lead_psi` of the vehicle."""

@@ -3,18 +3,23 @@
 Its state becomes the outputs of the component. If `allow` permits it, the input `tau` becomes
 MANUAL_CONTROL: each element divided by `tau_max`. Without news for `timeout` the output `link` is
 0, the outputs keep their last values and no commands are sent, so the vehicle's fail-safe acts.
+
+The acceleration is that of the vehicle's accelerometers, for v, omega and f in the body frame:
+
+    dv/dt = f + R^T(Theta) g - omega x v,    domega/dt = (omega - omega before) / (t - t before).
 """
 
 from __future__ import annotations
 
-import hashlib
-import os
+import logging
+from collections.abc import Callable
 from dataclasses import dataclass
 from math import cos, isfinite, sin
 from pathlib import Path
-from time import monotonic, time
+from time import monotonic
 from typing import Any, final
 
+from uuvsim_cosim.bridge.mavlink.codec import KEY, Codec, key_of_environment
 from uuvsim_cosim.bridge.mavlink.link import Address, Link, dialect
 from uuvsim_cosim.closing import close_at_exit
 from uuvsim_cosim.errors import InputInvalid
@@ -26,35 +31,33 @@ from uuvsim_cosim.orchestrator.system.sources import Backend
 
 __all__ = ["MavlinkSource", "allow", "source"]
 
-KEY = "UUVSIM_MAVLINK_KEY"  # environment variable: path of the file with the pass phrase
-_SIGNED_SINCE = 1420070400  # [s] 2015-01-01, from which signatures count time in units of 10 us
 _SEND = 0.05  # [s] between two commands
 _WAIT = 5.0  # [s] for the first state
+_G = 9.80665  # [m/s2]
 
-_permitted: dict[str, object] = {"commands": False, "key": None}
+_permitted: dict[str, Any] = {"commands": False, "key": None, "report": None}
 
 
-def allow(*, arm_real: bool, unsigned: bool) -> list[str]:
+def allow(
+    *, arm_real: bool, unsigned: bool, report: Callable[[str], None] | None = None
+) -> list[str]:
     """Set whether followed vehicles get commands, and their signature; return what to print.
 
-    The key is the SHA-256 of the pass phrase in the file that the environment variable
-    UUVSIM_MAVLINK_KEY names. Raises InputInvalid if it is needed and missing.
+    With a key (see `codec`), messages of the vehicle without a valid signature are refused, unless
+    `unsigned`. `report` gets the messages of the component, which are logged as well. Raises
+    InputInvalid if the key is needed and missing.
     """
     register("mavlink", source)
-    key = None
     if unsigned and not arm_real:
         raise InputInvalid("--unsigned", "no commands are sent", "--arm-real as well")
-    if arm_real and not unsigned:
-        path = os.environ.get(KEY)
-        phrase = Path(path).read_bytes().strip() if path and Path(path).is_file() else b""
-        if not phrase:
-            raise InputInvalid(
-                "--arm-real",
-                f"{KEY} names no file with a pass phrase",
-                "one that the vehicle knows too, or --unsigned as well",
-            )
-        key = hashlib.sha256(phrase).digest()
-    _permitted.update(commands=arm_real, key=key)
+    key = None if unsigned else key_of_environment()
+    if arm_real and not unsigned and key is None:
+        raise InputInvalid(
+            "--arm-real",
+            f"{KEY} names no file with a pass phrase",
+            "one that the vehicle knows too, or --unsigned as well",
+        )
+    _permitted.update(commands=arm_real, key=key, report=report)
     texts = ["--arm-real: commands are sent to a followed vehicle"] if arm_real else []
     return texts + (["--unsigned: these commands are not signed"] if unsigned else [])
 
@@ -64,7 +67,10 @@ _NU = (6, ("m/s", "m/s", "m/s", "rad/s", "rad/s", "rad/s"))
 
 
 class Followed:
-    """A vehicle that is followed over MAVLink: its state, and `link` (1: there are news)."""
+    """A vehicle that is followed over MAVLink: its state, and `link` (1: there are news).
+
+    `nu_dot_measured` is 1 if the vehicle sends accelerations; without them `nu_dot` is 0.
+    """
 
     inputs = {  # noqa: RUF012
         "tau": (6, ("N", "N", "N", "N.m", "N.m", "N.m")),
@@ -77,6 +83,7 @@ class Followed:
         "nu_dot": (6, ("m/s2", "m/s2", "m/s2", "rad/s2", "rad/s2", "rad/s2")),
         "nu_r": _NU,
         "link": "1",
+        "nu_dot_measured": "1",
     }
     parameters = {  # noqa: RUF012
         "timeout": (2.0, "s"),
@@ -86,13 +93,14 @@ class Followed:
         "tau_max_n": (20.0, "N.m"),
     }
     address = Address("udpin", "127.0.0.1", 0)
+    path = "hull"
     _receiver: _Receiver | None = None  # of the class: a reset keeps the connection
 
     def initialize(self, t: float) -> dict[str, object]:
         """Open the address, and wait for the first state for at most 5 s."""
         cls = type(self)
         if cls._receiver is None:
-            cls._receiver = _Receiver(self.address)
+            cls._receiver = _Receiver(self.address, self._report)
         end = monotonic() + _WAIT
         while not cls._receiver.is_complete and monotonic() < end:
             cls._receiver.receive(0.05)
@@ -116,9 +124,15 @@ class Followed:
             cls._receiver.close()
             cls._receiver = None
 
+    def _report(self, text: str) -> None:
+        logging.getLogger(f"uuvsim_cosim.{self.path}").warning(text)
+        if _permitted["report"] is not None:
+            _permitted["report"](f"{self.path}: {text}")
+
     def _outputs(self, r: _Receiver, v_c: tuple[float, ...]) -> dict[str, object]:
         to_body = _rotation(r.eta[3:])
         current = [sum(to_body[j][i] * v_c[j] for j in range(3)) for i in range(3)]
+        measured = r.accelerations(self.timeout)
         phi, theta, psi = (x / 2.0 for x in r.eta[3:])
         cf, sf, ct, st, cp, sp = cos(phi), sin(phi), cos(theta), sin(theta), cos(psi), sin(psi)
         return {
@@ -130,9 +144,10 @@ class Followed:
                 cf * ct * sp - sf * st * cp,
             ],
             "nu": r.nu,
-            "nu_dot": [0.0] * 6,
+            "nu_dot": measured or [0.0] * 6,
             "nu_r": [v - c for v, c in zip(r.nu, (*current, 0.0, 0.0, 0.0), strict=True)],
             "link": 1.0 if r.age < self.timeout else 0.0,
+            "nu_dot_measured": 0.0 if measured is None else 1.0,
         }
 
     # set as attributes by PythonComponent
@@ -143,26 +158,31 @@ class Followed:
     tau_max_n: float
 
 
+# To [m/s2]; RAW_IMU has a known unit only if ArduPilot sends it.
+_TO_FORCE = {"HIGHRES_IMU": 1.0, "SCALED_IMU": _G * 1e-3, "RAW_IMU": _G * 1e-3}
+_ARDUPILOT = 3  # MAV_AUTOPILOT
+_GAP = 1000  # [ms] between attitudes, above which no angular acceleration is taken from them
+
+
 @final
 class _Receiver:
     """The connection to one vehicle: the first autopilot that is heard, and no other."""
 
-    def __init__(self, address: Address) -> None:
+    def __init__(self, address: Address, report: Callable[[str], None]) -> None:
         self._mav = dialect()
         self._link = Link(address)
         close_at_exit(self._link)
-        self._parser = self._mav.MAVLink(None, srcSystem=255, srcComponent=190)
-        self._parser.robust_parsing = True
-        key = _permitted["key"]
-        if key is not None:  # only what is sent is signed
-            self._parser.signing.secret_key = key
-            self._parser.signing.link_id = 1
-            self._parser.signing.timestamp = int((time() - _SIGNED_SINCE) * 1e5)
-            self._parser.signing.sign_outgoing = True
-            self._parser.signing.allow_unsigned_callback = lambda mav, number: True
+        self._codec = Codec(self._mav, 255, 190, _permitted["key"], report)
+        self._report = report
         self.eta, self.nu = [0.0] * 6, [0.0] * 6
         self._velocity = [0.0] * 3
-        self._system = 0
+        self._force = [0.0] * 3  # specific force [m/s2] in the body frame
+        self._force_at = -1e9
+        self._turning = [0.0] * 3  # angular acceleration [rad/s2] in the body frame
+        self._attitude_ms: int | None = None
+        self._complete_at: float | None = None  # time of the first whole state
+        self._is_noted = False  # that there are no accelerations
+        self._system = self._autopilot = 0
         self._heard = {"ATTITUDE": -1e9, "LOCAL_POSITION_NED": -1e9}
         self._sent = -1e9
 
@@ -182,9 +202,32 @@ class _Receiver:
 
     def receive(self, timeout: float) -> None:
         """Take over the messages that have arrived."""
-        for _, data in self._link.receive(timeout):
-            for m in self._parser.parse_buffer(data) or []:
+        for peer, data in self._link.receive(timeout):
+            for m in self._codec.parsed(peer, data):
                 self._take(m)
+
+    def accelerations(self, timeout: float) -> list[float] | None:
+        """Return nu_dot (6,); None, which is reported once, without news of them for `timeout`."""
+        now = monotonic()
+        if now - self._force_at < timeout:
+            phi, theta, _ = self.eta[3:]
+            u, v, w, p, q, r = self.nu
+            f = self._force
+            return [
+                f[0] - _G * sin(theta) - (q * w - r * v),
+                f[1] + _G * cos(theta) * sin(phi) - (r * u - p * w),
+                f[2] + _G * cos(theta) * cos(phi) - (p * v - q * u),
+                *self._turning,
+            ]
+        if self.is_complete and not self._is_noted:
+            self._complete_at = self._complete_at or now
+            if now - self._complete_at >= timeout:
+                self._is_noted = True
+                self._report(
+                    "the vehicle sends no accelerations (RAW_IMU, SCALED_IMU or HIGHRES_IMU), so "
+                    "nu_dot is 0 and nu_dot_measured is 0"
+                )
+        return None
 
     def command(self, shares: list[float]) -> None:
         """Send surge, sway, heave and yaw, from -1 to 1, as MANUAL_CONTROL."""
@@ -197,15 +240,19 @@ class _Receiver:
             self._system, round(1e3 * x), round(1e3 * y), round(500.0 - 500.0 * z),
             round(1e3 * r), 0,
         )  # fmt: skip
-        data = bytes(message.pack(self._parser))
-        self._parser.seq = (self._parser.seq + 1) % 256
-        self._link.send(data)
+        self._link.send(self._codec.packed(message))
 
     def _take(self, m: Any) -> None:
         name = m.get_type()
         if name == "HEARTBEAT" and not self._system and m.autopilot != 8:
-            self._system = m.get_srcSystem()
-        if name not in self._heard or m.get_srcSystem() != self._system:
+            self._system, self._autopilot = m.get_srcSystem(), m.autopilot
+        if m.get_srcSystem() != self._system:
+            return
+        if name in _TO_FORCE and (name != "RAW_IMU" or self._autopilot == _ARDUPILOT):
+            force = [_TO_FORCE[name] * x for x in (m.xacc, m.yacc, m.zacc)]
+            if all(map(isfinite, force)):
+                self._force, self._force_at = force, monotonic()
+        if name not in self._heard:
             return
         if name == "ATTITUDE":
             values = [m.roll, m.pitch, m.yaw, m.rollspeed, m.pitchspeed, m.yawspeed]
@@ -214,6 +261,13 @@ class _Receiver:
         if not all(map(isfinite, values)):
             return
         if name == "ATTITUDE":
+            since = m.time_boot_ms - (self._attitude_ms or 0)
+            if self._attitude_ms is not None and 0 < since <= _GAP:
+                changes = zip(values[3:], self.nu[3:], strict=True)
+                self._turning = [1e3 * (now - before) / since for now, before in changes]
+            else:
+                self._turning = [0.0] * 3
+            self._attitude_ms = m.time_boot_ms
             self.eta[3:], self.nu[3:] = values[:3], values[3:]
         else:
             self.eta[:3], self._velocity = values[:3], values[3:]
@@ -257,4 +311,6 @@ class MavlinkSource:
 
     def instantiate(self, path: str, *, backend: Backend = "fmu") -> Component:
         """Follow the vehicle as the component `path`."""
-        return PythonComponent(type("Followed", (Followed,), {"address": self.address}), path)
+        return PythonComponent(
+            type("Followed", (Followed,), {"address": self.address, "path": path}), path
+        )

@@ -160,6 +160,14 @@ class Link(Owner):
                 if not self.address.form.startswith("udp"):
                     self._drop(one)
 
+    def has_room(self, peer: Any) -> bool:
+        """Return whether a message to a peer can be sent now; without it, a TCP peer reads late."""
+        if self.address.form.startswith("udp") or peer not in self.peers:
+            return True
+        with selectors.DefaultSelector() as asked:  # select() takes no file beyond the 1024th
+            asked.register(peer, selectors.EVENT_WRITE)
+            return bool(asked.select(0.0))
+
     def _datagrams(self, found: list[tuple[Any, bytes]]) -> None:
         for _ in range(_DATAGRAMS):
             try:

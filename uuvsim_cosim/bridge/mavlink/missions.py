@@ -106,19 +106,27 @@ class Missions:
         if m.seq != len(self._incoming):  # repeated or out of order: it is requested again
             self._request(again=True)
             return
-        if name == "MISSION_ITEM":  # degrees
-            scale = 1e7 if isfinite(m.x + m.y) else 0.0
+        scale = 1e7 if name == "MISSION_ITEM" else 1.0  # degrees, or 1e-7 degrees
+        if m.command == WAYPOINT:
+            wrong = None
+            if m.frame not in (0, 3, 5, 6):  # altitude above mean sea level or home
+                wrong = mav.MAV_MISSION_UNSUPPORTED_FRAME
+            elif not abs(m.x) * scale <= 90e7:  # NaN too
+                wrong = mav.MAV_MISSION_INVALID_PARAM5_X
+            elif not abs(m.y) * scale <= 180e7:
+                wrong = mav.MAV_MISSION_INVALID_PARAM6_Y
+            elif not isfinite(m.z):
+                wrong = mav.MAV_MISSION_INVALID_PARAM7
+            if wrong is not None:
+                self._from = None
+                self._ack(wrong, who, peer)
+                return
+        if name == "MISSION_ITEM":
+            x, y = (round(v * scale) if abs(v) <= 180.0 else 0 for v in (m.x, m.y))
             m = mav.MAVLink_mission_item_int_message(
                 0, 0, m.seq, m.frame, m.command, 0, m.autocontinue, m.param1, m.param2, m.param3,
-                m.param4, round(m.x * scale) if scale else 0, round(m.y * scale) if scale else 0,
-                m.z, 0,
+                m.param4, x, y, m.z, 0,
             )  # fmt: skip
-        known = (0, 3, 5, 6)  # altitude above mean sea level or home
-        if m.command == WAYPOINT and (m.frame not in known or not isfinite(m.z)):
-            self._from = None
-            wrong = mav.MAV_MISSION_UNSUPPORTED_FRAME if m.frame not in known else None
-            self._ack(wrong or mav.MAV_MISSION_INVALID_PARAM7, who, peer)
-            return
         self._incoming.append(m)
         if len(self._incoming) < self._count:
             self._request()

@@ -6,7 +6,7 @@ set-point or waypoint, as proportional guidance: v = K (p_d - p), limited to the
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from math import atan2, cos, hypot, isfinite, nan, sin
 from time import monotonic
 from typing import Any, final
@@ -19,13 +19,16 @@ from uuvsim_cosim.bridge.mavlink.vehicle import (
     ORIGIN,
     State,
     Vehicle,
+    global_of,
     local_of,
     messages_of,
     wrapped,
 )
 from uuvsim_cosim.errors import UuvsimError
 
-__all__ = ["Services"]
+__all__ = ["SCENARIO", "Services"]
+
+SCENARIO = "mavlink.yaml"  # in the folder of a recording: parameters that were set over MAVLink
 
 MODES = {0: "STABILIZE", 2: "ALT_HOLD", 3: "AUTO", 4: "GUIDED", 9: "SURFACE", 16: "POSHOLD",
          19: "MANUAL"}  # fmt: skip
@@ -33,6 +36,7 @@ _MANUAL = (0, 2, 16, 19)
 _K, _K_PSI = 0.5, 1.0  # [1/s] of position and heading
 _MANUAL_LASTS, _GUIDED_LASTS = 0.5, 3.0  # [s] of manual control, of a velocity set-point
 _REACHED = 1.0  # [m] from a waypoint that gives no acceptance radius
+_LOGS = 64  # that are kept; the oldest one is dropped
 _CHUNK, _CHUNKS = 90, 100  # bytes of LOG_DATA; messages sent in one turn
 _RATES = {  # [Hz] at the start
     "HEARTBEAT": 1.0, "ATTITUDE": 10.0, "LOCAL_POSITION_NED": 10.0, "GLOBAL_POSITION_INT": 5.0,
@@ -44,7 +48,10 @@ _RATES = {  # [Hz] at the start
 
 @final
 class Services:
-    """The services of one vehicle; `send(message, peer)` sends, to all peers if peer is None."""
+    """The services of one vehicle; `send(message, peer)` sends, to all peers if peer is None.
+
+    A log is sent only while the peer has room (`has_room`): one that reads slowly gets it slowly.
+    """
 
     def __init__(
         self,
@@ -54,9 +61,10 @@ class Services:
         system_id: int,
         mav: Any,
         send: Callable[[Any, Any], None],
+        has_room: Callable[[Any], bool] = lambda peer: True,
     ) -> None:
         self._service, self._client, self._vehicle, self._mav = service, client, vehicle, mav
-        self._id, self._send = system_id, send
+        self._id, self._send, self._has_room = system_id, send, has_room
         self._ids = {mav.mavlink_map[i].msgname: i for i in mav.mavlink_map}
         self.state: State = vehicle.read(service, client)
         self.missions = Missions(mav, send)
@@ -64,7 +72,7 @@ class Services:
         self.log: DataFlashLog | None = None
         self.logs: list[DataFlashLog] = []
         fit = [p["component"] for p in pilots(service)["pilots"]  # type: ignore[attr-defined]
-               if p["component"].startswith(vehicle.prefix)]  # fmt: skip
+               if vehicle.owns(p["component"])]  # fmt: skip
         self.pilot: str | None = fit[0] if fit else None
         self._parameters = self._tunable()
         limits = [f"{self.pilot}.{axis}_max" for axis in AXES]
@@ -81,6 +89,16 @@ class Services:
         self._held_since: float | None = None  # at a waypoint [s]
         self._download: list[Any] | None = None  # peer, log, offset, end
 
+    def set_mission(self, points: Sequence[Sequence[float]]) -> None:
+        """Make waypoints (n, 3), north, east, down [m], the mission; item 0 is the origin."""
+        make = self._mav.MAVLink_mission_item_int_message
+        rows = enumerate([(0.0, 0.0, 0.0), *points])
+        self.missions.items = [
+            make(0, 0, i, 3, WAYPOINT, 0, 1, 0.0, 0.0, 0.0, nan,
+                 *(round(x * 1e7) for x in global_of(n, e, self.origin)), -d, 0)
+            for i, (n, e, d) in rows
+        ]  # fmt: skip
+
     # ---- every turn -----------------------------------------------------------------------
 
     def turn(self) -> None:
@@ -95,7 +113,7 @@ class Services:
         now = monotonic()
         due = [n for n, (interval, at) in self._due.items() if interval > 0 and now >= at]
         if due:
-            known = messages_of(self._mav, self.state, self.origin)
+            known = self._messages()
             for name in due:
                 self._due[name] = (self._due[name][0], now + self._due[name][0])
                 message = known.get(name) or self._other(name)
@@ -108,6 +126,9 @@ class Services:
     def is_busy(self) -> bool:
         """Whether a log is being sent."""
         return self._download is not None
+
+    def _messages(self) -> dict[str, Any]:
+        return messages_of(self._mav, self.state, self.origin, can_arm=self.pilot is not None)
 
     def _other(self, name: str) -> Any:
         mav, s = self._mav, self.state
@@ -205,9 +226,7 @@ class Services:
             if name is None:
                 return mav.MAV_RESULT_UNSUPPORTED
             if command == mav.MAV_CMD_REQUEST_MESSAGE:
-                sent.append(
-                    messages_of(mav, self.state, self.origin).get(name) or self._other(name)
-                )
+                sent.append(self._messages().get(name) or self._other(name))
             elif command == mav.MAV_CMD_SET_MESSAGE_INTERVAL:
                 default = 1.0 / _RATES.get(name, 1.0)
                 interval = default if p[1] == 0 else max(p[1] / 1e6, -1.0)
@@ -226,7 +245,7 @@ class Services:
 
     def _named(self, number: int) -> str | None:
         """Return the name of a message that this vehicle can send."""
-        sent = {**messages_of(self._mav, self.state, self.origin), **_RATES}
+        sent = {**self._messages(), **_RATES}
         own = (*sent, "GPS_GLOBAL_ORIGIN", "AUTOPILOT_VERSION")
         kind = self._mav.mavlink_map.get(number)
         name = None if kind is None else str(kind.msgname)
@@ -236,12 +255,15 @@ class Services:
 
     def _arm(self, on: bool) -> bool:
         if on and self.pilot is None:
-            self._text("nothing steers: serve with --replace pilot=keyboard")
+            self.report("nothing steers: serve with --replace pilot=keyboard")
             return False
         if on and not self.armed:
             self.log = DataFlashLog(self._values(), self.state.time)
             self.log.write("MODE", round(self.state.time * 1e6), self.mode, self.mode, 1)
             self.logs.append(self.log)
+            if len(self.logs) > _LOGS:
+                del self.logs[0]
+                self._download = None
         elif not on:
             self.log = None
         self.armed = on
@@ -327,7 +349,8 @@ class Services:
         prefix = self._vehicle.prefix
         for info in self._service.schema():
             scalar = info.type == "Float64" and not info.shape and info.settable
-            if scalar and info.causality == "parameter" and info.name.startswith(prefix):
+            owned = self._vehicle.owns(info.name.rpartition(".")[0])
+            if scalar and info.causality == "parameter" and owned:
                 short = info.name.removeprefix(prefix).replace(".", "_").upper()
                 found.setdefault(short[:16], []).append(info.name)
         return {short: names[0] for short, names in sorted(found.items()) if len(names) == 1}
@@ -362,12 +385,26 @@ class Services:
     def _on_param_set(self, m: Any, peer: Any) -> None:
         if m.param_id in self._parameters and isfinite(m.param_value):
             try:
-                self._service.set(self._client, {self._parameters[m.param_id]: m.param_value})
+                name = self._parameters[m.param_id]
+                moment = self._service.set(self._client, {name: m.param_value})
+                self._note(moment.time, name, m.param_value)
             except UuvsimError as error:
-                self._text(str(error))
+                self.report(str(error))
         values = self._values()
         if m.param_id in values:  # the old value, if the new one was refused
             self._send_parameter(m.param_id, values, peer)
+
+    def _note(self, at: float, name: str, value: float) -> None:
+        """Add the change of a parameter to the scenario in the folder of the recording."""
+        for folder in self._service.folders[-1:]:
+            path = folder / SCENARIO
+            event = f"- {{at: {at!r}, set: {name}, value: {value!r}}}\n"
+            try:
+                begun = path.exists()
+                with path.open("a", encoding="utf-8") as file:
+                    file.write(event if begun else f"events:\n{event}")
+            except OSError as error:
+                self.report(f"{SCENARIO}: {error.strerror}")
 
     # ---- logs -----------------------------------------------------------------------------
 
@@ -393,7 +430,7 @@ class Services:
 
     def _send_log(self) -> None:
         for _ in range(_CHUNKS):
-            if self._download is None:
+            if self._download is None or not self._has_room(self._download[0]):
                 return
             peer, number, at, end = self._download
             part = bytes(self.logs[number - 1].data[at : min(at + _CHUNK, end)])
@@ -408,7 +445,8 @@ class Services:
         n, e, d, _, _, psi = self.state.eta
         return n, e, d, psi
 
-    def _text(self, text: str) -> None:
+    def report(self, text: str) -> None:
+        """Send a text to all peers."""
         self._send(self._mav.MAVLink_statustext_message(4, text.encode()[:50]), None)
 
     def _steer(self) -> None:

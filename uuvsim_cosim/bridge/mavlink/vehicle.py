@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from math import cos, degrees, hypot, pi, radians, sin, sqrt
 from typing import Any
 
@@ -24,6 +24,7 @@ __all__ = [
 TRIALS = 20  # to read values and the time of one communication point
 ORIGIN = (33.810313, -118.393867)  # [deg] of the local frame until SET_GPS_GLOBAL_ORIGIN
 _A, _E2 = 6378137.0, 6.69437999014e-3  # WGS 84: semi-major axis [m], first eccentricity squared
+_ANTENNA = 0.2  # [m] above CO, if the system has no GPS receiver
 _G, _P_0, _RHO = 9.80665, 101325.0, 1025.0  # [m/s2], [Pa], [kg/m3] without a pressure sensor
 # Each meaning: outputs (and inputs, with ">") by which its component is recognised.
 _SIGNS = {
@@ -35,15 +36,28 @@ _SIGNS = {
     "range": ("altitude", "t_sample"),
     "allocation": ("u", ">tau_d"),
     "wrench": ("current_total",),
+    "gps": ("position", "velocity", "sigma", "valid"),
 }
 
 
 @dataclass(frozen=True)
 class Vehicle:
-    """A vehicle: its `prefix` in the system ("" or "name.") and the component of each meaning."""
+    """A vehicle: its `prefix` in the system ("" or "name.") and the component of each meaning.
+
+    `others` are the prefixes of vehicles that are nested in the same system. A vehicle whose prefix
+    another one shares has only its hull (`is_alone` is false).
+    """
 
     prefix: str
     components: Mapping[str, str]
+    others: tuple[str, ...] = ()
+    is_alone: bool = True
+
+    def owns(self, path: str) -> bool:
+        """Return whether a component is a part of this vehicle."""
+        if not self.is_alone:
+            return path == self.components["hull"]
+        return path.startswith(self.prefix) and not path.startswith(self.others)
 
     @property
     def signals(self) -> dict[str, str]:
@@ -61,6 +75,8 @@ class Vehicle:
         ):
             if meaning in at:
                 found.update({output: f"{at[meaning]}.{output}" for output in outputs})
+        if "gps" in at:
+            found |= {f"gps_{name}": f"{at['gps']}.{name}" for name in ("position", "valid")}
         return found
 
     def read(self, service: Service, client: Client) -> State:
@@ -102,6 +118,13 @@ class State:
     altitude: float | None = None
     u: tuple[float, ...] = field(default=())
     current_total: float | None = None
+    gps_position: tuple[float, ...] | None = None
+    gps_valid: float | None = None
+
+    @property
+    def has_fix(self) -> bool:
+        """Whether GPS has a fix: as the receiver reports, or with the antenna above the surface."""
+        return self.eta[2] < _ANTENNA if self.gps_valid is None else self.gps_valid > 0.5
 
     @property
     def ms(self) -> int:
@@ -153,18 +176,19 @@ def vehicles_of(service: Service) -> list[Vehicle]:
         if info.causality in ("output", "input"):
             outputs.setdefault(path, set()).add((">" if info.causality == "input" else "") + name)
 
-    def found(meaning: str, prefix: str) -> str | None:
-        fit = [p for p, names in outputs.items()
-               if set(_SIGNS[meaning]) <= names and p.startswith(prefix)]  # fmt: skip
-        return fit[0] if fit else None
-
     hulls = [path for path, names in outputs.items() if set(_SIGNS["hull"]) <= names]
+    prefixes = [hull[: hull.rfind(".") + 1] for hull in hulls]
     vehicles = []
-    for hull in hulls:
-        above, dot, _ = hull.rpartition(".")
-        prefix = above + dot
-        at = {m: one for m in _SIGNS if (one := found(m, prefix)) is not None}
-        vehicles.append(Vehicle(prefix, {**at, "hull": hull}))
+    for hull, prefix in zip(hulls, prefixes, strict=True):
+        others = tuple(p for p in prefixes if p != prefix and p.startswith(prefix))
+        vehicle = Vehicle(prefix, {"hull": hull}, others, prefixes.count(prefix) == 1)
+        at = {
+            meaning: next((p for p, names in outputs.items()
+                           if set(signs) <= names and vehicle.owns(p)), None)
+            for meaning, signs in _SIGNS.items()
+        }  # fmt: skip
+        known = {meaning: path for meaning, path in at.items() if path is not None}
+        vehicles.append(replace(vehicle, components={**known, "hull": hull}))
     if not vehicles:
         raise InputInvalid(
             f"--mavlink: {service.describe()['system']}",
@@ -194,7 +218,9 @@ def _radii(origin: tuple[float, float]) -> tuple[float, float]:
     return _A * (1.0 - _E2) / root**1.5, _A / sqrt(root)
 
 
-def messages_of(mav: Any, s: State, origin: tuple[float, float]) -> dict[str, Any]:
+def messages_of(
+    mav: Any, s: State, origin: tuple[float, float], *, can_arm: bool = True
+) -> dict[str, Any]:
     """Return the messages of a state by name; `mav` is pymavlink's dialect."""
     phi, theta, psi = s.eta[3:]
     p, q, r = s.gyro if s.gyro is not None else s.nu[3:]
@@ -211,6 +237,8 @@ def messages_of(mav: Any, s: State, origin: tuple[float, float]) -> dict[str, An
     current = -1 if s.current_total is None else round(s.current_total * 100.0)
     percent = -1 if s.state_of_charge is None else round(s.state_of_charge * 100.0)
     sensors = 1 | 2 | 8 | 1024 | 32768  # gyro, accelerometer, pressure, rates, motors
+    checked = sensors | mav.MAV_SYS_STATUS_PREARM_CHECK
+    healthy = checked if can_arm else sensors
     pwm = (*s.pwm, *([0] * 16))[:16]
     speed = hypot(vn, ve)
     up_to = [volts] + [65535] * 9
@@ -220,11 +248,9 @@ def messages_of(mav: Any, s: State, origin: tuple[float, float]) -> dict[str, An
         mav.MAVLink_global_position_int_message(
             s.ms, lat, lon, up, up, round(vn * 100), round(ve * 100), round(vd * 100), heading
         ),
-        mav.MAVLink_gps_raw_int_message(
-            us, 3, lat, lon, up, 100, 100, round(speed * 100), heading, 10
-        ),
+        _gps(mav, s, us, origin, heading),
         mav.MAVLink_sys_status_message(
-            sensors, sensors, sensors, 0, volts, current, percent, 0, 0, 0, 0, 0, 0
+            checked, checked, healthy, 0, volts, current, percent, 0, 0, 0, 0, 0, 0
         ),
         mav.MAVLink_scaled_pressure2_message(s.ms, s.absolute_pressure / 100.0, 0.0, 0),
         mav.MAVLink_vfr_hud_message(speed, speed, heading // 100, 0, -d, -vd),
@@ -238,6 +264,19 @@ def messages_of(mav: Any, s: State, origin: tuple[float, float]) -> dict[str, An
         cm = max(0, min(65535, round(s.altitude * 100.0)))
         found.append(mav.MAVLink_distance_sensor_message(s.ms, 5, 5000, cm, 0, 0, 25, 0))
     return {message.get_type(): message for message in found}
+
+
+def _gps(mav: Any, s: State, us: int, origin: tuple[float, float], heading: int) -> Any:
+    """Return GPS_RAW_INT; without a fix (under water), its values are those of unknown."""
+    if not s.has_fix:
+        unknown = 65535
+        return mav.MAVLink_gps_raw_int_message(us, 1, 0, 0, 0, *(unknown,) * 4, 0)
+    n, e, d = s.eta[:3] if s.gps_position is None else s.gps_position
+    lat, lon = (round(x * 1e7) for x in global_of(n, e, origin))
+    speed = hypot(*s.velocity[:2])
+    return mav.MAVLink_gps_raw_int_message(
+        us, 3, lat, lon, round(-d * 1e3), 100, 100, round(speed * 100), heading, 10
+    )
 
 
 def wrapped(angle: float) -> float:

@@ -9,15 +9,17 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
+from uuvsim_cosim.bridge.ros2.facts import Facts, Place, facts_of
 from uuvsim_cosim.bridge.ros2.frames import Array
-from uuvsim_cosim.bridge.ros2.topic_writer import (
-    TRANSFORMS,
-    TopicWriter,
-    mounted,
-    parameters_of,
-    typestore,
+from uuvsim_cosim.bridge.ros2.robot import STRING, Robot, mounted, robots_of, text_message
+from uuvsim_cosim.bridge.ros2.topic_writer import TRANSFORMS, TopicWriter, typestore
+from uuvsim_cosim.bridge.ros2.topics import (
+    Topic,
+    Variable,
+    omitted_topics,
+    read_topics,
+    topics_of,
 )
-from uuvsim_cosim.bridge.ros2.topics import Topic, Variable, read_topics, topics_of
 from uuvsim_cosim.errors import InputInvalid, RecordingError, UuvsimError
 from uuvsim_cosim.notebook_bar import Progress
 from uuvsim_cosim.orchestrator.recording.recording_reader import read_signals
@@ -37,29 +39,38 @@ def write_bag(
     topics: Path | None = None,
     distribution: str = "jazzy",
     progress: Progress | None = None,
+    origin: Place | None = None,
 ) -> tuple[list[Topic], list[str]]:
     """Write a recording as rosbag2; return its topics and what was assumed or left out.
 
     A `target` that ends with ``.mcap`` is one file, any other a new folder with the file and its
     ``metadata.yaml``. `topics` is a file of topics; without it, they follow from the signals. Time
-    0 of the run is time 0 of the bag. Sensors have a message for each sample, at the sample's time.
+    0 of the run is time 0 of the bag. Sensors have a message for each sample, whose header has the
+    sample's time; the bag has the time at which the system had it.
+    `origin` is the place of the origin of `n`, which positions on Earth need.
     Raises InputInvalid without rosbags, if the target exists, and for mistakes in `topics`.
     """
     store = typestore(distribution)
     signals = read_signals(run)
     variables, left = _variables(signals)
-    chosen = topics_of(variables) if topics is None else read_topics(topics, variables)
-    parameters, notes = _parameters(Path(run), {topic.component for topic in chosen})
-    notes += [f"{name}: a text has no topic" for name in left] if topics is None else []
-    static = mounted(store, chosen, parameters)
-    writers = [TopicWriter(topic, store, parameters) for topic in chosen]
+    facts, robots, notes = _of_system(Path(run), origin)
+    if topics is None:
+        chosen = topics_of(variables, facts)
+        notes += [f"{name}: a text has no topic" for name in left]
+        notes += omitted_topics(variables, facts)
+    else:
+        chosen = read_topics(topics, variables, facts)
+    latched = [(robot.topic, STRING, text_message(store, robot.urdf)) for robot in robots]
+    if len(static := mounted(store, chosen, robots)):
+        latched.append(("/tf_static", TRANSFORMS, static))
+    writers = [TopicWriter(topic, store, facts) for topic in chosen]
     if target.exists():
         raise InputInvalid(target, "exists", "a name that does not exist yet")
     try:
         with TemporaryDirectory(dir=target.absolute().parent, prefix=f".{target.name}-") as folder:
             bag = Path(folder) / target.stem
             version: Literal[8, 9] = 8 if distribution == "humble" else 9
-            _write(bag, version, store, writers, static, signals, progress)
+            _write(bag, version, store, writers, latched, signals, progress)
             shutil.move(bag / f"{bag.name}.mcap" if target.suffix == ".mcap" else bag, target)
     except OSError as error:
         raise RecordingError(
@@ -69,9 +80,10 @@ def write_bag(
     return chosen, notes
 
 
-def recorded_topics(run: Path | str) -> list[Topic]:
+def recorded_topics(run: Path | str, origin: Place | None = None) -> list[Topic]:
     """Return the topics that follow from the signals of a recording."""
-    return topics_of(_variables(read_signals(run))[0])
+    facts, _, _ = _of_system(Path(run), origin)
+    return topics_of(_variables(read_signals(run))[0], facts)
 
 
 def _write(
@@ -79,7 +91,7 @@ def _write(
     version: Literal[8, 9],
     store: Typestore,
     writers: list[TopicWriter],
-    static: Array,
+    latched: list[tuple[str, str, Array]],
     signals: Signals,
     progress: Progress | None,
 ) -> None:
@@ -92,10 +104,10 @@ def _write(
             (name, type_): out.add_connection(name, type_, typestore=store)
             for name, type_ in dict.fromkeys((w.topic.name, w.topic.type) for w in writers)
         }
-        if len(static):
-            latched = out.add_connection("/tf_static", TRANSFORMS, typestore=store,
-                                        offered_qos_profiles=[_latched()])  # fmt: skip
-            out.write(latched, 0, static.tobytes())  # time 0: before all others
+        for name, type_, message in latched:
+            connection = out.add_connection(name, type_, typestore=store,
+                                            offered_qos_profiles=[_latched()])  # fmt: skip
+            out.write(connection, 0, message.tobytes())  # time 0: before all others
         for block in signals.blocks(progress):
             times, owners, messages = [], [], []
             for writer in writers:
@@ -109,7 +121,7 @@ def _write(
 
 
 def _latched() -> Qos:
-    """Return the QoS of /tf_static: a reader that comes later gets the last message."""
+    """Return the QoS of topics whose last message later readers get."""
     from rosbags.interfaces import (
         Qos,
         QosDurability,
@@ -135,16 +147,18 @@ def _variables(signals: Signals) -> tuple[dict[str, Variable], list[str]]:
     return {name: v for name, v in kinds.items() if v.kind != "O"}, texts
 
 
-def _parameters(run: Path, components: set[str]) -> tuple[dict[str, dict[str, Array]], list[str]]:
-    """Return the parameters of components, from the system beside the recording, and notes."""
+def _of_system(run: Path, origin: Place | None) -> tuple[Facts, list[Robot], list[str]]:
+    """Return facts and vehicles of the system beside the recording, and notes."""
     file = (run if run.is_dir() else run.parent) / "system.ssd"
+    lacking = "covariances and limits of sensors are 0, clouds of points and frames are left out"
     if not file.is_file():
-        return {}, ["no system.ssd beside the recording: covariances and limits of sensors are 0"]
+        return {}, [], [f"no system.ssd beside the recording: {lacking}"]
     from uuvsim_cosim.orchestrator.plan.flatten import flatten
     from uuvsim_cosim.orchestrator.running.library import load
 
     try:
         plan = flatten(load(file).with_mismatches("warn"), loops="delay")
     except (UuvsimError, OSError) as error:
-        return {}, [f"{file}: cannot be read ({error}): covariances and limits of sensors are 0"]
-    return parameters_of(plan, components), []
+        return {}, [], [f"{file}: cannot be read ({error}): {lacking}"]
+    facts = facts_of(plan, origin)
+    return facts, robots_of(plan, facts), []

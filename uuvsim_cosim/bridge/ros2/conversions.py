@@ -8,11 +8,12 @@ where the value itself is missing, as sensor_msgs defines it.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping
 
 import numpy as np
 
+from uuvsim_cosim.bridge.ros2.conversion import Conversion, Values, diagonal
+from uuvsim_cosim.bridge.ros2.earth import geodetic, geodetic_of_grid
 from uuvsim_cosim.bridge.ros2.frames import (
     Array,
     body,
@@ -21,36 +22,17 @@ from uuvsim_cosim.bridge.ros2.frames import (
     world,
     world_variance,
 )
+from uuvsim_cosim.bridge.ros2.ray_messages import RAY_CONVERSIONS
+from uuvsim_cosim.bridge.ros2.state_messages import STATE_CONVERSIONS
 
-__all__ = ["CONVERSIONS", "GENERIC", "Conversion", "sensor_figures"]
+__all__ = ["CONVERSIONS", "GENERIC", "sensor_figures"]
 
-Values = Mapping[str, Array]
 Figures = Mapping[str, float]
 NOT_MEASURED = 1e3  # deviation of what a message has to state and the sensor does not measure
 
 
-@dataclass(frozen=True)
-class Conversion:
-    """Conversion into a type: the roles of its signals with their sizes, and what it computes.
-
-    A role in `optional` may be missing.
-    """
-
-    roles: Mapping[str, int]
-    columns: Callable[[Values, Figures], dict[str, Array]]
-    optional: frozenset[str] = frozenset()
-
-
-def _diagonal(variances: Array) -> Array:
-    """Return matrices (n, k·k), row by row, with these diagonals (n, k)."""
-    n, k = variances.shape
-    matrix = np.zeros((n, k, k))
-    matrix[:, range(k), range(k)] = variances
-    return matrix.reshape(n, k * k)
-
-
 def _same(n: int, *deviations: float) -> Array:
-    return _diagonal(np.tile(np.square(deviations), (n, 1)))
+    return diagonal(np.tile(np.square(deviations), (n, 1)))
 
 
 def _pose(prefix: str, eta: Array, q: Array | None) -> dict[str, Array]:
@@ -67,8 +49,8 @@ def _odometry(v: Values, _: Figures) -> dict[str, Array]:
     if (sigma := v.get("sigma")) is not None:
         variance = np.square(sigma)
         pose = np.concatenate([world_variance(variance[:, :3]), variance[:, 3:6]], axis=1)
-        columns["pose.covariance"] = _diagonal(pose)
-        columns["twist.covariance"] = _diagonal(variance[:, 6:])
+        columns["pose.covariance"] = diagonal(pose)
+        columns["twist.covariance"] = diagonal(variance[:, 6:])
     return columns
 
 
@@ -104,7 +86,7 @@ def _position(v: Values, _: Figures) -> dict[str, Array]:
     return {
         "pose.pose.position": world(v["position"]),
         "pose.pose.orientation.w": np.ones(1),
-        "pose.covariance": _diagonal(np.concatenate([variance, unknown], axis=1)),
+        "pose.covariance": diagonal(np.concatenate([variance, unknown], axis=1)),
     }
 
 
@@ -134,6 +116,25 @@ def _battery(v: Values, figures: Figures) -> dict[str, Array]:
         "present": np.ones(1),
         "temperature": missing,
         "current": missing,
+    }
+
+
+def _fix(v: Values, facts: Mapping[str, Array]) -> dict[str, Array]:
+    """Return a GPS fix; without one, all numbers are NaN and the status is STATUS_NO_FIX."""
+    valid = v["valid"] > 0
+    code, *origin = facts["@place"].tolist()
+    known = v["position"]
+    place = geodetic_of_grid(known, int(code), *origin) if code else geodetic(known, *origin)
+    latitude, longitude, height = np.where(valid[:, None], place, np.nan).T
+    variance = world_variance(np.square(v["sigma"]))
+    return {
+        "status.status": np.where(valid, 0, -1),
+        "status.service": np.ones(1),  # SERVICE_GPS
+        "latitude": latitude,
+        "longitude": longitude,
+        "altitude": height,
+        "position_covariance": diagonal(np.where(valid[:, None], variance, 0.0)),
+        "position_covariance_type": np.where(valid, 2, 0),  # the diagonal is known, or nothing is
     }
 
 
@@ -172,6 +173,11 @@ CONVERSIONS: dict[str, Conversion] = {
     ),
     "sensor_msgs/msg/Range": Conversion({"altitude": 1}, _range),
     "sensor_msgs/msg/BatteryState": Conversion({"voltage": 1, "state_of_charge": 1}, _battery),
+    "sensor_msgs/msg/NavSatFix": Conversion(
+        {"position": 3, "sigma": 3, "valid": 1}, _fix, needs=frozenset({"@place"}), lost=True
+    ),
+    **RAY_CONVERSIONS,
+    **STATE_CONVERSIONS,
 }
 # Types of signals without a conversion, by the kind of their numbers and whether they are arrays.
 GENERIC = {

@@ -5,7 +5,8 @@ about the x axis,
 
     (e, n, u) = (y, x, -z),   (f, l, u) = (x, -y, -z),
 
-and a rotation R from body to world becomes R_ENU_NED R R_FRD_FLU. A quaternion is (w, x, y, z) in
+and a rotation R from body to world becomes R_ENU_NED R R_FRD_FLU. Both half turns are their own
+inverses, so `world` and `body` convert in both directions. A quaternion is (w, x, y, z) in
 this project and (x, y, z, w) in ROS.
 """
 
@@ -20,7 +21,9 @@ __all__ = [
     "Array",
     "body",
     "body_quaternion",
+    "euler_angles",
     "euler_quaternion",
+    "from_quaternion",
     "quaternion",
     "world",
     "world_variance",
@@ -30,12 +33,12 @@ Array: TypeAlias = NDArray[Any]
 
 
 def world(v: Array) -> Array:
-    """Return vectors (n, 3) in ENU of vectors in NED."""
+    """Return vectors (n, 3) in ENU of vectors in NED, and the reverse."""
     return np.stack([v[:, 1], v[:, 0], -v[:, 2]], axis=1)
 
 
 def body(v: Array) -> Array:
-    """Return vectors (n, 3) in FLU of vectors in FRD."""
+    """Return vectors (n, 3) in FLU of vectors in FRD, and the reverse."""
     return np.multiply(v, [1.0, -1.0, -1.0])
 
 
@@ -55,6 +58,16 @@ def quaternion(q: Array) -> Array:
     return turned
 
 
+def from_quaternion(q: Array) -> Array:
+    """Return quaternions (n, 4) w x y z from FRD to NED of those x y z w from FLU to ENU.
+
+    It is the inverse of `quaternion`, up to the sign, which does not change the rotation.
+    """
+    x, y, z, w = q.T
+    turned: Array = np.sqrt(0.5) * np.stack([z + w, x + y, x - y, w - z], axis=1)
+    return turned
+
+
 def body_quaternion(q: Array) -> Array:
     """Return quaternions (n, 4) x y z w between FLU frames of those w x y z between FRD frames."""
     return np.multiply(q[:, [1, 2, 3, 0]], [1.0, -1.0, -1.0, 1.0])
@@ -69,6 +82,19 @@ def euler_quaternion(angles: Array) -> Array:
             sf * ct * cp - cf * st * sp,
             cf * st * cp + sf * ct * sp,
             cf * ct * sp - sf * st * cp,
+        ],
+        axis=1,
+    )
+
+
+def euler_angles(q: Array) -> Array:
+    """Return angles (n, 3) phi theta psi [rad], z-y-x, of unit quaternions (n, 4) w x y z."""
+    w, x, y, z = q.T
+    return np.stack(
+        [
+            np.arctan2(2 * (w * x + y * z), 1 - 2 * (x * x + y * y)),
+            np.arcsin(np.clip(2 * (w * y - z * x), -1.0, 1.0)),
+            np.arctan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z)),
         ],
         axis=1,
     )

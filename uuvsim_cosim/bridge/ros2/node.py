@@ -3,35 +3,38 @@
 from __future__ import annotations
 
 import contextlib
+import itertools
 import os
 import threading
 import time
 from collections import deque
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, final
+from typing import Any, final
 
 import numpy as np
 
 from uuvsim_cosim.bridge.ros2.cdr import MessageLayout
+from uuvsim_cosim.bridge.ros2.ends import Ends, Reports
+from uuvsim_cosim.bridge.ros2.facts import Facts, Place, facts_of
 from uuvsim_cosim.bridge.ros2.frames import Array
+from uuvsim_cosim.bridge.ros2.inputs import Input, System, inputs_of, read_inputs
+from uuvsim_cosim.bridge.ros2.interfaces import with_services
+from uuvsim_cosim.bridge.ros2.receiver import Receiver
 from uuvsim_cosim.bridge.ros2.rmw_zenoh import (
+    DEFAULT,
+    LATCHED,
     Entity,
     attachment,
     gid,
+    namesakes,
     node_token,
-    topic_key,
-    topic_token,
 )
-from uuvsim_cosim.bridge.ros2.topic_writer import (
-    TRANSFORMS,
-    TopicWriter,
-    mounted,
-    parameters_of,
-    typestore,
-)
-from uuvsim_cosim.bridge.ros2.topics import Topic, Variable, read_topics, topics_of
+from uuvsim_cosim.bridge.ros2.robot import STRING, mounted, robots_of, text_message
+from uuvsim_cosim.bridge.ros2.rows import Layout
+from uuvsim_cosim.bridge.ros2.services import Services
+from uuvsim_cosim.bridge.ros2.topic_writer import TRANSFORMS, TopicWriter, typestore
+from uuvsim_cosim.bridge.ros2.topics import Topic, omitted_topics, read_topics, topics_of
 from uuvsim_cosim.bridge.server.conductor import Conductor
 from uuvsim_cosim.bridge.zenoh.session import (
     Disconnected,
@@ -42,12 +45,8 @@ from uuvsim_cosim.bridge.zenoh.session import (
 )
 from uuvsim_cosim.closing import Owner, started
 from uuvsim_cosim.errors import InputInvalid
-from uuvsim_cosim.orchestrator.master.core_library import Type
-from uuvsim_cosim.orchestrator.master.observer import Chunk, Column, seconds
+from uuvsim_cosim.orchestrator.master.observer import Chunk, Column
 from uuvsim_cosim.orchestrator.plan.plan import Plan
-
-if TYPE_CHECKING:
-    from rosbags.typesys.store import Typestore
 
 __all__ = ["ROUTER_PORT", "Ros2Node"]
 
@@ -60,14 +59,18 @@ _LOOK = 0.1  # [s] between two checks which topics have a subscriber
 
 @final
 class Ros2Node(Owner):
-    """Publisher of a system's signals as ROS 2 topics, from construction to `close`.
+    """A system as a node of ROS 2: topics, inputs, services, parameters; until `close`.
 
     It connects to the router of rmw_zenoh on this machine, or is that router if none is there. The
     topics follow from the signals, or from the file `topics`. Each topic is published while it has
     a subscriber; a subscriber that is slow loses messages and never delays the system. The node is
-    called `name`, by default as the system, in `domain` (default: ROS_DOMAIN_ID, or 0). Raises
-    InputInvalid without the extra ``ros``, for an unknown distribution, for mistakes in `topics`,
-    and if another program uses the port.
+    called `name`, by default as the system, in `domain` (default: ROS_DOMAIN_ID, or 0).
+
+    Inputs and services have no authentication; without `commands` they are not opened. `resume`
+    runs the system at `factor` of real time. Faults of other nodes are passed to `report` and kept
+    in `reports`; none of them ends the node. `origin` is the place of the origin of `n`, which
+    positions on Earth need. Raises InputInvalid without the extra ``ros``, for an unknown
+    distribution, for mistakes in `topics`, and if another program uses the port.
     """
 
     def __init__(
@@ -79,12 +82,17 @@ class Ros2Node(Owner):
         name: str | None = None,
         domain: int | None = None,
         port: int = ROUTER_PORT,
+        commands: bool = True,
+        factor: float = 1.0,
+        report: Callable[[str], None] = lambda text: None,
+        origin: Place | None = None,
     ) -> None:
-        store = typestore(distribution)
-        self._file, self._conductor = topics, conductor
+        store = with_services(typestore(distribution))
+        self._file, self._conductor, self._origin = topics, conductor, origin
         self.domain = _domain() if domain is None else domain
         self.port, self.topics, self.dropped = port, list[Topic](), 0
         self.without_topic: list[str] = []  # texts
+        self.omitted: list[str] = []  # messages that are not published, and why
         self._publishing: _Publishing | None = None
         self._ring: deque[tuple[_Publishing, Array, Array]] = deque(maxlen=_CHUNKS)
         self._wake, self._over = threading.Event(), False
@@ -94,28 +102,51 @@ class Ros2Node(Owner):
             given = name or _node_name(str(conductor.describe()["system"]))
             self.node = Entity(given, str(session.raw.zid()), domain=self.domain)
             self._token = session.token(node_token(self.node))
-            self._ends = _Ends(session, store, self.node, hashed=distribution != "humble")
+            self.reports = Reports(report)
+            self._connected = True
+            self._ends = Ends(
+                session, store, self.node, distribution != "humble", self.reports
+            )  # fmt: skip
+            self._namesakes = session.watch(namesakes(self.node), self._noticed)
             self._thread = started("uuvsim-ros2", self._drain)
             opened.callback(self._end)
             conductor.watch(self)
             opened.callback(self._leave)
+            self._receiver = self._services = None
+            if commands:
+                self._receiver = opened.enter_context(
+                    Receiver(conductor, self._ends, self._chosen, self._published)
+                )
+                self._services = Services(conductor, self._ends, factor)
+
+    @property
+    def inputs(self) -> list[Input]:
+        """The topics that set inputs of the system."""
+        return [] if self._receiver is None else self._receiver.inputs
+
+    @property
+    def services(self) -> dict[str, str]:
+        """The types of the services by name."""
+        return {} if self._services is None else self._services.names
+
+    def _chosen(self, system: System) -> list[Input]:
+        return inputs_of(system) if self._file is None else read_inputs(self._file, system)
+
+    def _published(self) -> tuple[str, ...]:
+        return tuple(topic.name for topic in self.topics)
 
     # ---- the observer, in the conductor's thread ------------------------------------------
 
     def begin(self, plan: Plan, columns: Sequence[Column]) -> None:
         """Declare the topics of a new run."""
-        held: dict[str, list[int]] = {}
-        self.without_topic = [c.name for c in columns if c.type.is_blob]
-        for i, c in enumerate(columns):
-            if not c.type.is_blob:
-                held.setdefault(f"{c.path}.{c.variable.name}", []).append(i)
-        kinds = {
-            name: Variable(_kind(columns[at[0]].type), len(at) if columns[at[0]].index else 0)
-            for name, at in held.items()
-        }
-        chosen = topics_of(kinds) if self._file is None else read_topics(self._file, kinds)
+        layout, facts = Layout(columns, plan.tick), facts_of(plan, self._origin)
+        self.without_topic, kinds = list(layout.texts), layout.variables
+        if self._file is None:
+            chosen, self.omitted = topics_of(kinds, facts), omitted_topics(kinds, facts)
+        else:
+            chosen = read_topics(self._file, kinds, facts)
         self.topics = chosen
-        self._publishing = _Publishing(self._ends, chosen, plan, columns, held, self._publishing)
+        self._publishing = _Publishing(self._ends, chosen, facts, plan, layout, self._publishing)
 
     def observe(self, chunk: Chunk) -> None:
         """Copy the newest rows; never wait."""
@@ -130,6 +161,28 @@ class Ros2Node(Owner):
     def end(self) -> None:
         """Do nothing: `close` ends the node."""
 
+    # ---- other nodes and the router ---------------------------------------------------------
+
+    def _noticed(self, token: str, alive: bool) -> None:
+        """Report another node of this node's name."""
+        if alive and token != node_token(self.node):
+            self.reports.once(
+                f"/{self.node.name}", "name", "another node in domain "
+                f"{self.node.domain} has this name; expected one node of a name, for example by "
+                "another ROS_DOMAIN_ID",
+            )  # fmt: skip
+
+    def _check_router(self) -> None:
+        """Report a router that has disappeared, once for each loss; Zenoh connects again."""
+        connected = self.is_router or self._ends.session.is_connected
+        if connected != self._connected:
+            place = f"router tcp/127.0.0.1:{self.port}"
+            self.reports.put(
+                f"{place}: is there again" if connected else f"{place}: has disappeared; the "
+                "simulation goes on, and the node connects again once it is there"
+            )  # fmt: skip
+        self._connected = connected
+
     # ---- the thread that publishes ----------------------------------------------------------
 
     def _drain(self) -> None:
@@ -140,12 +193,17 @@ class Ros2Node(Owner):
             look = time.monotonic() - looked >= _LOOK
             if look:
                 looked = time.monotonic()
+                self._check_router()
                 if (publishing := self._publishing) is not None:
                     publishing.look()
-            while self._ring and not self._over:
-                with contextlib.suppress(IndexError):
-                    publishing, ticks, rows = self._ring.popleft()
-                    publishing.publish(ticks, rows)
+            waiting: list[tuple[_Publishing, Array, Array]] = []
+            with contextlib.suppress(IndexError):
+                while True:
+                    waiting.append(self._ring.popleft())
+            # One block for all rows that wait: each topic costs as much for one row as for ten.
+            for publishing, chunks in itertools.groupby(waiting, lambda chunk: chunk[0]):
+                _, ticks, rows = zip(*chunks, strict=True)
+                publishing.publish(np.concatenate(ticks), np.concatenate(rows))
 
     def _leave(self) -> None:
         with contextlib.suppress(InputInvalid):  # the co-simulation has ended already
@@ -157,46 +215,31 @@ class Ros2Node(Owner):
         self._thread.join()
 
 
-@dataclass(frozen=True)
-class _Ends:
-    """What publishers share: their session, their node, and the messages of the distribution."""
-
-    session: WrappedSession
-    store: Typestore
-    node: Entity
-    hashed: bool  # False in humble, whose types have no hash
-
-    def hash_of(self, type_: str) -> str:
-        """Return the hash of a type of message, as it stands in keys."""
-        return self.store.hash_rihs01(type_) if self.hashed else "TypeHashNotSupported"
-
-
 class _Publishing:
     """Publishers of one run; those of the run before are kept for topics that stay."""
 
     def __init__(
         self,
-        ends: _Ends,
+        ends: Ends,
         topics: Sequence[Topic],
+        facts: Facts,
         plan: Plan,
-        columns: Sequence[Column],
-        held: Mapping[str, list[int]],
+        layout: Layout,
         before: _Publishing | None,
     ) -> None:
-        self._ends, self._columns, self._tick = ends, columns, plan.tick
-        self._held = {
-            name: np.array(at) if columns[at[0]].index is not None else np.array(at[0])
-            for name, at in held.items()
-        }
-        parameters = parameters_of(plan, {topic.component for topic in topics})
+        self._ends, self._layout = ends, layout
         self.made: dict[str, _Publisher] = {} if before is None else before.made
-        self._writers = [TopicWriter(topic, ends.store, parameters) for topic in topics]
+        self._writers = [TopicWriter(topic, ends.store, facts) for topic in topics]
         self._clock = MessageLayout(ends.store, CLOCK, {}, {})
-        static = mounted(ends.store, topics, parameters)
+        robots = robots_of(plan, facts)
+        static = mounted(ends.store, topics, robots)
         for name, type_ in [("/clock", CLOCK), *((t.name, t.type) for t in topics)]:
             self._publisher(name, type_)
         if len(static):
             self._publisher("/tf_static", TRANSFORMS, latched=True).put(static.tobytes())
+        for robot in robots:
+            text = text_message(ends.store, robot.urdf)
+            self._publisher(robot.topic, STRING, latched=True).put(text.tobytes())
         self._wanted: frozenset[str] = frozenset()
 
     def look(self) -> None:
@@ -205,39 +248,36 @@ class _Publishing:
 
     def publish(self, ticks: Array, rows: Array) -> None:
         """Publish rows, for the topics that are wanted."""
-        block = _Rows(seconds(ticks, self._tick), rows, self._held, self._columns)
+        block = self._layout.rows(ticks, rows)
         if "/clock" in self._wanted:
             stamps = np.rint(block.time * 1e9).astype(np.int64)
             messages = self._clock.rows(len(stamps), {
                 "clock.sec": stamps // 10**9, "clock.nanosec": stamps % 10**9,
             })  # fmt: skip
-            self._put("/clock", messages)
+            self._put("/clock", list(messages))
         for writer in self._writers:
             if writer.topic.name in self._wanted:
                 self._put(writer.topic.name, writer.messages(block)[1])
 
-    def _put(self, name: str, messages: Array) -> None:
+    def _put(self, name: str, messages: Sequence[Array]) -> None:
         publisher = self.made[name]
         for message in messages:
             publisher.put(message.tobytes())
 
     def _publisher(self, name: str, type_: str, *, latched: bool = False) -> _Publisher:
         if name not in self.made:
-            self.made[name] = _Publisher(
-                self._ends, len(self.made) + 1, name, type_, latched=latched
-            )
+            self.made[name] = _Publisher(self._ends, name, type_, latched=latched)
         return self.made[name]
 
 
 class _Publisher:
     """A publisher of one topic, with its token, which must be kept."""
 
-    def __init__(self, ends: _Ends, number: int, name: str, type_: str, *, latched: bool) -> None:
-        node, session, hash_ = ends.node, ends.session, ends.hash_of(type_)
-        key = topic_key(node.domain, name, type_, hash_)
+    def __init__(self, ends: Ends, name: str, type_: str, *, latched: bool) -> None:
+        session, key = ends.session, ends.key(name, type_)
         self._raw: Any = _latched(session, key) if latched else session.publisher(key)
         self._is_latched = latched
-        token = topic_token(node, number, name, type_, hash_, latched=latched)
+        token = ends.token("MP", name, type_, LATCHED if latched else DEFAULT)
         self._gid, self._token = gid(token), session.token(token)
         self._number = 0
 
@@ -252,26 +292,10 @@ class _Publisher:
         self._raw.put(message, attachment=attachment(self._number, time.time_ns(), self._gid))
 
 
-class _Rows:
-    """Rows of the master by the names of their signals."""
-
-    def __init__(
-        self, time_: Array, rows: Array, held: Mapping[str, Array], columns: Sequence[Column]
-    ) -> None:
-        self.time, self._rows, self._held, self._columns = time_, rows, held, columns
-
-    def __getitem__(self, name: str) -> Array:
-        at = self._held[name]
-        type_, slots = self._columns[int(at.flat[0])].type, self._rows[:, at]
-        return slots.astype(bool) if type_ == Type.Boolean else slots.view(type_.dtype)
-
-    def __contains__(self, name: object) -> bool:
-        return name in self._held
-
-
 def _session(port: int) -> tuple[WrappedSession, bool]:
     """Return a session with the router at a port of this machine, or the router's itself."""
-    settings = {"scouting/gossip/enabled": True}  # nodes of rmw_zenoh find each other by it
+    # Nodes of rmw_zenoh find each other by gossip; the cache of latched topics needs time stamps.
+    settings = {"scouting/gossip/enabled": True, "timestamping/enabled": True}
     try:
         return connecting("127.0.0.1", port, settings), False
     except NoSession:
@@ -289,10 +313,6 @@ def _latched(session: WrappedSession, key: str) -> Any:
 
     cache = ext.CacheConfig(max_samples=1)
     return ext.declare_advanced_publisher(session.raw, key, cache=cache, publisher_detection=True)
-
-
-def _kind(type_: Type) -> str:
-    return "b" if type_ == Type.Boolean else type_.dtype[0]
 
 
 def _domain() -> int:

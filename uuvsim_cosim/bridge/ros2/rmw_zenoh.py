@@ -7,7 +7,9 @@ publishers are announced by liveliness tokens, whose key holds, with % for each 
     <hash>/<QoS>
 
 QoS is reliability:durability:history,depth:deadline:lifespan:liveliness, and a part that equals the
-default (reliable, volatile, keep last 42) is empty. With each message travel its number from 1, its
+default (reliable, volatile, keep last 42) is empty. Services have keys and tokens of the same form,
+with ``srv`` in the place of ``msg``; a request is a query, and its reply carries the request's
+number and GID. With each message travel its number from 1, its
 time [ns] and the publisher's GID (16 bytes), which is the XXH3-128 of its token, low half first.
 Source: rmw_zenoh_cpp, docs/design.md and src/detail/liveliness_utils.cpp.
 """
@@ -17,9 +19,15 @@ from __future__ import annotations
 import struct
 from dataclasses import dataclass
 
-__all__ = ["Entity", "attachment", "gid", "node_token", "topic_key", "topic_token"]
+__all__ = [
+    "DEFAULT", "KEEP_10", "LATCHED", "Entity", "attachment", "gid", "namesakes",
+    "node_token", "read_attachment", "topic_key", "topic_token",
+]  # fmt: skip
 
-_QOS = {False: "::,:,:,:,,", True: ":1:,1:,:,:,,"}  # default, and of a latched topic
+DEFAULT = "::,:,:,:,,"  # QoS of a publisher
+LATCHED = ":1:,1:,:,:,,"  # a later subscriber gets the last message
+KEEP_10 = "::,10:,:,:,,"  # of subscriptions and services
+_ATTACHMENT = struct.Struct("<qqB16s")
 
 
 @dataclass(frozen=True)
@@ -38,19 +46,27 @@ def node_token(node: Entity) -> str:
     return f"@ros2_lv/{node.domain}/{node.session}/0/0/NN/%/{place}/{node.name}"
 
 
+def namesakes(node: Entity) -> str:
+    """Return the key of the tokens of all nodes with a node's name, its own among them."""
+    return f"@ros2_lv/{node.domain}/*/*/*/NN/*/{_mangled(node.namespace)}/{node.name}"
+
+
 def topic_token(
-    node: Entity, number: int, topic: str, type_: str, hash_: str, *, latched: bool = False,
+    node: Entity, number: int, topic: str, type_: str, hash_: str, *, qos: str = DEFAULT,
     kind: str = "MP",
 ) -> str:  # fmt: skip
-    """Return the token of a publisher (MP) or subscription (MS) with a number of its own from 1."""
+    """Return the token of an entity with a number of its own from 1.
+
+    The `kind` is that of a publisher (MP), a subscription (MS), or a service's server (SS).
+    """
     return (
         f"@ros2_lv/{node.domain}/{node.session}/0/{number}/{kind}/%/{_mangled(node.namespace)}/"
-        f"{node.name}/{_mangled(topic)}/{_dds(type_)}/{hash_}/{_QOS[latched]}"
+        f"{node.name}/{_mangled(topic)}/{_dds(type_)}/{hash_}/{qos}"
     )
 
 
 def topic_key(domain: int, topic: str, type_: str, hash_: str) -> str:
-    """Return the key of a topic's data."""
+    """Return the key of a topic's data, or of a service's requests."""
     return f"{domain}/{topic.strip('/')}/{_dds(type_)}/{hash_}"
 
 
@@ -65,6 +81,14 @@ def gid(token: str) -> bytes:
 def attachment(number: int, time: int, gid_: bytes) -> bytes:
     """Return what travels with a message: its number, its time [ns], and its publisher."""
     return struct.pack("<qqB", number, time, len(gid_)) + gid_
+
+
+def read_attachment(data: bytes) -> tuple[int, int, bytes] | None:
+    """Return number, time [ns] and GID; None for bytes that are no attachment."""
+    if len(data) != _ATTACHMENT.size:
+        return None
+    number, time, length, gid_ = _ATTACHMENT.unpack(data)
+    return (number, time, gid_) if length == len(gid_) else None
 
 
 def _mangled(name: str) -> str:

@@ -2,25 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Protocol
+from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from uuvsim_cosim.bridge.ros2.cdr import MessageLayout
+from uuvsim_cosim.bridge.ros2.conversion import Conversion, Shape, Values
 from uuvsim_cosim.bridge.ros2.conversions import CONVERSIONS, sensor_figures
-from uuvsim_cosim.bridge.ros2.frames import Array, body, body_quaternion, euler_quaternion
+from uuvsim_cosim.bridge.ros2.facts import Facts
+from uuvsim_cosim.bridge.ros2.frames import Array
+from uuvsim_cosim.bridge.ros2.rows import Block
 from uuvsim_cosim.bridge.ros2.topics import Topic
 from uuvsim_cosim.errors import InputInvalid
-from uuvsim_cosim.orchestrator.plan.plan import Plan
 
 if TYPE_CHECKING:
     from rosbags.typesys.store import Typestore
 
-__all__ = ["DISTRIBUTIONS", "TRANSFORMS", "Block", "TopicWriter", "mounted", "parameters_of",
-           "typestore"]  # fmt: skip
+__all__ = ["DISTRIBUTIONS", "TRANSFORMS", "TopicColumns", "TopicWriter", "typestore"]
 
+DEFINITIONS = Path(__file__).parent / "definitions"  # of packages that rosbags lacks
 TRANSFORMS = "tf2_msgs/msg/TFMessage"
 DISTRIBUTIONS = ("humble", "jazzy", "kilted", "lyrical")
 # Fields that a distribution's message may lack.
@@ -28,113 +31,98 @@ _NEW = {"sensor_msgs/msg/Range": frozenset({"variance"})}
 
 
 def typestore(distribution: str) -> Typestore:
-    """Return the messages of a ROS 2 distribution; raises InputInvalid without rosbags."""
+    """Return the messages of a ROS 2 distribution, and of marine_acoustic_msgs.
+
+    Raises InputInvalid without rosbags.
+    """
     if distribution not in DISTRIBUTIONS:
         raise InputInvalid(f"ROS 2 {distribution!r}", ", ".join(DISTRIBUTIONS))
     try:
-        from rosbags.typesys import Stores, get_typestore
+        from rosbags.typesys import Stores, get_types_from_msg, get_typestore
     except ImportError:
         raise InputInvalid("rosbags is not installed", "pip install 'uuvsim-cosim[ros]'") from None
-    return get_typestore(Stores[f"ROS2_{distribution.upper()}"])
+    store = get_typestore(Stores[f"ROS2_{distribution.upper()}"])
+    for file in sorted(DEFINITIONS.glob("*/*.msg")):
+        name = f"{file.parent.name}/msg/{file.stem}"
+        store.register(get_types_from_msg(file.read_text(encoding="utf-8"), name))
+    return store
 
 
-class Block(Protocol):
-    """Rows of signals: `time` (n,) [s], and (n,) or (n, size) for a name."""
-
-    @property
-    def time(self) -> Array:
-        """Times [s]."""
-
-    def __getitem__(self, name: str, /) -> Array:
-        """Return a signal."""
-
-    def __contains__(self, name: object, /) -> bool:
-        """Return whether there is a signal."""
-
-
-def parameters_of(plan: Plan, components: Iterable[str]) -> dict[str, dict[str, Array]]:
-    """Return the numeric parameters of components, by their paths."""
-    wanted = set(components)
-    return {
-        c.path: {
-            v.name: np.asarray(c.start.get(v.name, v.start), float)
-            for v in c.description.variables.values()
-            if v.causality == "parameter" and v.type not in ("String", "Binary")
-        }
-        for c in plan.components
-        if c.path in wanted
-    }
-
-
-def mounted(
-    store: Typestore, topics: Iterable[Topic], parameters: Mapping[str, Mapping[str, Array]]
-) -> Array:
-    """Return the message of /tf_static with the frames of sensors, `r_s` and `Theta_s` from b.
-
-    Without a sensor whose place is known, it is empty.
-    """
-    frames = {t.frame: parameters.get(t.component, {}) for t in topics}
-    known = {name: p for name, p in frames.items() if name.endswith("_link") and "r_s" in p}
-    known.pop("base_link", None)
-    if not known:
-        return np.zeros(0, np.uint8)
-    texts, columns = {}, {}
-    for i, (name, p) in enumerate(known.items()):
-        at, above = f"transforms.{i}", name.rpartition("/")[0]
-        texts[f"{at}.header.frame_id"] = f"{above}/base_link".removeprefix("/")
-        texts[f"{at}.child_frame_id"] = name
-        q = euler_quaternion(p.get("Theta_s", np.zeros(3)).reshape(1, 3))
-        columns[f"{at}.transform.translation"] = body(p["r_s"].reshape(1, 3))
-        columns[f"{at}.transform.rotation"] = body_quaternion(q)
-    layout = MessageLayout(store, TRANSFORMS, texts, {"transforms": len(known)})
-    return layout.rows(1, columns).ravel()
+_PLAIN = Conversion(
+    {"data": -1},
+    lambda v, _: {"data": v["data"]},
+    shape=lambda v, _: Shape(lengths={"data": np.size(v["data"][0])}),
+)
 
 
 @dataclass
-class TopicWriter:
-    """Messages of a topic, block by block; `count` of them so far."""
+class TopicColumns:
+    """New samples of a topic, block by block."""
 
     topic: Topic
-    store: Typestore
-    parameters: Mapping[str, Mapping[str, Array]]
-    count: int = 0
-    _last: float = -np.inf  # time of the last message [s]
-    _layout: MessageLayout | None = None
+    facts: Facts
+    _last: float = -np.inf  # time of the last sample [s]
+    _at: float = -np.inf  # time of the last row [s]
+    _state: bytes = b""  # of the last message
     _figures: dict[str, float] = field(default_factory=dict)
 
-    def messages(self, block: Block) -> tuple[Array, Array]:
-        """Return the times [ns] and bytes (n, size) of the messages of a block."""
+    @property
+    def conversion(self) -> Conversion:
+        """The conversion of signals into fields."""
+        return CONVERSIONS.get(self.topic.type, _PLAIN)
+
+    def columns(self, block: Block) -> tuple[Array, Mapping[str, Array]]:
+        """Return the times [s] of the samples, and the columns of the message's fields."""
+        time, _, values, figures = self.samples(block)
+        return time, self.conversion.columns(values, figures) if len(time) else {}
+
+    def samples(self, block: Block) -> tuple[Array, Array, Values, Mapping[str, object]]:
+        """Return the times [s] of new samples and of their rows, their values, and figures."""
         time, chosen = self._samples(block)
         values = {
             role: np.asarray(block[name])[chosen] for role, name in self.topic.signals.items()
         }
-        n = len(time)
-        self.count += n
-        if not n:
-            return np.zeros(0, np.int64), np.zeros((0, 0), np.uint8)
-        if self.topic.type in CONVERSIONS:
-            columns = CONVERSIONS[self.topic.type].columns(values, self._of_sensor(time))
-        else:
-            columns = {"data": values["data"]}
-        stamps = np.rint(time * 1e9).astype(np.int64)
-        return stamps, self._rows(stamps, columns)
+        return time, block.time[chosen], values, self._of_sensor(time)
 
     def _samples(self, block: Block) -> tuple[Array, Array]:
         """Return the times [s] of new messages, and the rows of the block that hold them."""
-        path = self.topic.component
+        path, conversion = self.topic.component, self.conversion
         time, keep = block.time, np.ones(len(block.time), bool)
-        if f"{path}.t_sample" in block and not self.topic.type.startswith("std_msgs"):
+        if len(time):
+            if time[0] < self._at:  # a reset, or an earlier snapshot
+                self._last, self._state = -np.inf, b""
+            self._at = float(time[-1])
+        if f"{path}.t_sample" in block and conversion is not _PLAIN and not conversion.prefixes:
             time = np.asarray(block[f"{path}.t_sample"])
             before = np.concatenate([[max(self._last, -1.0)], time[:-1]])
             keep = (time >= 0) & (time > before)
             if f"{path}.valid" in block:
-                keep &= np.asarray(block[f"{path}.valid"]) > 0
+                valid = np.asarray(block[f"{path}.valid"]) > 0
+                keep &= valid
+                if conversion.lost:
+                    time = np.where(valid, time, block.time)
+                    lost = self._thinned(time, np.flatnonzero(~valid | keep), 1.0)
+                    keep[lost] = True
         chosen = np.flatnonzero(keep)
         if self.topic.rate is not None:
-            chosen = self._thinned(time, chosen, 1 / float(self.topic.rate))
+            thinned = self._thinned(time, chosen, 1 / float(self.topic.rate))
+            chosen = np.union1d(thinned, self._changes(block)).astype(int)
         if len(chosen):
             self._last = float(time[chosen[-1]])
         return time[chosen], chosen
+
+    def _changes(self, block: Block) -> Array:
+        """Return the rows at which a state is another than before."""
+        if not self.conversion.has_states:
+            return np.zeros(0, int)
+        names = self.topic.signals.values()
+        states = np.stack([np.asarray(block[name]).astype(np.uint8) for name in names], axis=1)
+        before = np.concatenate([np.frombuffer(self._state, np.uint8).reshape(-1, len(names)),
+                                 states[:-1]])  # fmt: skip
+        self._state = states[-1:].tobytes() or self._state
+        return np.flatnonzero(np.any(states[len(states) - len(before) :] != before, axis=1)) + (
+            len(states) - len(before)
+        )
 
     def _thinned(self, time: Array, chosen: Array, period: float) -> Array:
         kept, last = [], self._last
@@ -144,25 +132,71 @@ class TopicWriter:
                 last = time[i]
         return np.array(kept, int)
 
-    def _of_sensor(self, time: Array) -> dict[str, float]:
-        path = self.topic.component
-        if not self._figures and path in self.parameters and len(time) > 1:
+    def _of_sensor(self, time: Array) -> Mapping[str, object]:
+        facts = self.facts.get(self.topic.component, {})
+        if self.conversion.needs:
+            return facts
+        if not self._figures and facts and len(time) > 1:
             period = float(np.min(np.diff(time)))
-            self._figures = sensor_figures(self.topic.type, self.parameters[path], period)
+            parameters = {name: v for name, v in facts.items() if not name.startswith("@")}
+            self._figures = sensor_figures(self.topic.type, parameters, period)
         return self._figures
 
-    def _rows(self, stamps: Array, columns: dict[str, Array]) -> Array:
+
+@dataclass
+class TopicWriter:
+    """Messages of a topic, block by block; `count` of them so far."""
+
+    topic: Topic
+    store: Typestore
+    facts: Facts
+    count: int = 0
+    _layouts: dict[tuple[tuple[str, str], ...], MessageLayout] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        self._samples = TopicColumns(self.topic, self.facts)
+
+    def messages(self, block: Block) -> tuple[Array, Sequence[Array]]:
+        """Return the times [ns] and bytes of the messages of a block.
+
+        The times are those at which the messages are there. Headers have the times of the samples.
+        """
+        time, there, values, figures = self._samples.samples(block)
+        self.count += len(time)
+        if not len(time):
+            return np.zeros(0, np.int64), ()
+        stamps = np.rint(time * 1e9).astype(np.int64)
+        rows: list[Array] = []
+        for begin, end in self._alike(values):
+            part = {role: v[begin:end] for role, v in values.items()}
+            rows += list(self._rows(stamps[begin:end], part, figures))
+        return np.rint(there * 1e9).astype(np.int64), rows
+
+    def _alike(self, values: Values) -> list[tuple[int, int]]:
+        """Return the spans of rows whose messages have the same texts."""
+        n = len(next(iter(values.values())))
+        if not self._samples.conversion.has_states:
+            return [(0, n)]
+        return [(i, i + 1) for i in range(n)]
+
+    def _rows(self, stamps: Array, values: Values, figures: Mapping[str, object]) -> Array:
         prefix = "transforms.0." if self.topic.type == TRANSFORMS else ""
-        if self._layout is None:
-            lengths = {"data": np.size(columns["data"][0])} if "data" in columns else {}
+        conversion = self._samples.conversion
+        columns = conversion.columns(values, figures)
+        if conversion.has_states or not self._layouts:
+            shape = Shape() if conversion.shape is None else conversion.shape(values, figures)
             texts = {f"{prefix}header.frame_id": self.topic.frame,
-                     f"{prefix}child_frame_id": self.topic.child}  # fmt: skip
-            self._layout = MessageLayout(
-                self.store, self.topic.type, texts, {**lengths, "transforms": 1}
+                     f"{prefix}child_frame_id": self.topic.child, **shape.texts}  # fmt: skip
+            key = tuple(texts.items())
+            layout = self._layouts.get(key) or MessageLayout(
+                self.store, self.topic.type, texts, {**shape.lengths, "transforms": 1}
             )
-        for name in _NEW.get(self.topic.type, frozenset()) - self._layout.fields:
+            self._layouts[key] = layout
+        else:
+            layout = next(iter(self._layouts.values()))
+        for name in _NEW.get(self.topic.type, frozenset()) - layout.fields:
             columns.pop(name, None)
-        if f"{prefix}header.stamp.sec" in self._layout.fields:
+        if f"{prefix}header.stamp.sec" in layout.fields:
             columns[f"{prefix}header.stamp.sec"] = stamps // 10**9
             columns[f"{prefix}header.stamp.nanosec"] = stamps % 10**9
-        return self._layout.rows(len(stamps), columns)
+        return layout.rows(len(stamps), columns)

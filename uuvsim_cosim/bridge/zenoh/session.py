@@ -90,12 +90,15 @@ class WrappedSession(Closing):
                 self._inside -= 1
                 self._idle.notify_all()
 
-    def answer(self, key: str, answer: Callable[[zenoh.Query], None]) -> object:
+    def answer(
+        self, key: str, answer: Callable[[zenoh.Query], None], *, complete: bool = False
+    ) -> object:
         """Answer the queries on a key by a function, one after another in a thread.
 
-        As for `token` and `watch`, the result must be kept: Zenoh ends with it.
+        A query can ask for `complete` answers only. As for `token` and `watch`, the result must be
+        kept: Zenoh ends with it.
         """
-        return self.raw.declare_queryable(key, self._callback(answer))
+        return self.raw.declare_queryable(key, self._callback(answer), complete=complete)
 
     def asker(self, key: str, timeout: float = _FOREVER) -> zenoh.Querier:
         """Return a querier of a key, which waits for `timeout` s, by default without limit.

@@ -15,6 +15,7 @@ from uuvsim_cosim.commands.learn.training_progress import TrainingProgress
 from uuvsim_cosim.commands.shared.completion import of, tasks
 from uuvsim_cosim.commands.shared.options import RAY, clustered, folder_option, nested
 from uuvsim_cosim.commands.shared.progress import StudyProgress
+from uuvsim_cosim.commands.shared.system_options import Force
 from uuvsim_cosim.commands.shared.terminal import (
     file_line,
     file_table,
@@ -85,6 +86,7 @@ def train_command(
         list[str] | None,
         typer.Option("--task-set", help="Option of the task: NAME=VALUE, such as n_trackers=3."),
     ] = None,
+    force: Force = False,
     profile: Annotated[
         str | None,
         typer.Option(
@@ -127,8 +129,10 @@ def train_command(
     changes["task_options"] = nested(
         "--task-set", task_set or [], "NAME=VALUE, such as n_trackers=3"
     )
+    if force:
+        changes["task_options"]["mismatches"] = "warn"
     if curriculum is not None:
-        unused = {"--config": config, "--seeds": seeds, "--ray": ray}
+        unused = {"--force": force or None, "--config": config, "--seeds": seeds, "--ray": ray}
         train_through(
             curriculum, task, changes, out, restart=restart, report=not no_report, show=open_,
             refused=[k for k, v in unused.items() if v is not None],
@@ -141,6 +145,8 @@ def train_command(
     elif config is None:
         raise InputInvalid("no task", "a task, as in `uuvsim train transition_1`, or --config")
     asked = TrainingConfig(**changes) if config is None else read_config(config, **changes)
+    if force:
+        _warn_of_mismatches(asked)
     if seeds is not None or ray is not None:
         from uuvsim_cosim.learn.training.train import resolved, training_folder
 
@@ -173,6 +179,15 @@ def train_command(
     _show(done, report)
     if open_ and report is not None:
         typer.launch(str(report))
+
+
+def _warn_of_mismatches(config: TrainingConfig) -> None:
+    from uuvsim_cosim.learn.shared.task_ids import make_task
+    from uuvsim_cosim.orchestrator.plan.flatten import flatten
+
+    task = make_task(config.task, config.task_options, profile=config.profile)
+    for text in flatten(task.system).warnings:
+        remark("warning", text)
 
 
 def _show(done: Trained, report: Path | None) -> None:

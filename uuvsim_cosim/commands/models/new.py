@@ -41,12 +41,24 @@ def new_command(
         Path | None,
         typer.Option(help="Folder for VS Code to write: component, test, settings, debugging."),
     ] = None,
+    ros2_workspace: Annotated[
+        Path | None,
+        typer.Option(help="Folder for ROS 2 to write: nodes, launch file, RViz, Foxglove."),
+    ] = None,
 ) -> None:
     """Write a template of a component that fits a system, and print how to run it.
 
     With --workspace, the folder also gets settings, tasks, a debug configuration, snippets and
-    schemas for VS Code, and a development container.
+    schemas for VS Code, and a development container. With --ros2-workspace, the folder gets a node
+    in Python and in C++ for colcon, a launch file, and layouts of RViz and Foxglove.
     """
+    if ros2_workspace is not None:
+        if (component, kind, out, workspace) != (None, "python", Path(), None):
+            raise InputInvalid(
+                "--ros2-workspace with other options", "--for SYSTEM alone beside it"
+            )
+        _write_for_ros2(ros2_workspace, system)
+        return
     from uuvsim_cosim.orchestrator.running.library import load
     from uuvsim_cosim.orchestrator.shipped.scaffold import class_name, write_scaffold
 
@@ -80,3 +92,16 @@ def new_command(
     if before:
         line(f"build it with  {before}")
     line(f"run it with    uuvsim run {quote(system)} --replace {component}={source}")
+
+
+def _write_for_ros2(folder: Path, system: str) -> None:
+    from uuvsim_cosim.commands.editor.ros2_workspace import write_ros2_workspace
+    from uuvsim_cosim.orchestrator.plan.flatten import flatten
+    from uuvsim_cosim.orchestrator.running.library import load
+
+    expect_folder(folder, option="--ros2-workspace")
+    for path in write_ros2_workspace(folder, system, flatten(load(system))):
+        file_line(path, tilde(path))
+    line()
+    line(f"serve it with  uuvsim serve {quote(system)} --ros2 jazzy")
+    line(f"build it with  cd {for_shell(folder)} && colcon build, on a machine with ROS 2")

@@ -44,14 +44,21 @@ def export_command(
             help="With --ros2: distribution of ROS 2 whose messages are written.",
         ),
     ] = "jazzy",
+    origin: Annotated[
+        str | None,
+        typer.Option(
+            metavar="LAT,LON", help="With --ros2: place of the local frame's origin, for GPS fixes."
+        ),
+    ] = None,
 ) -> None:
     """Convert a recording for other tools; the ending of the file name selects the format."""
     kind = out.suffix.lower()
     if ros2:
-        _export_bag(run, out, topics, distribution, scene=scene)
+        _export_bag(run, out, topics, distribution, origin, scene=scene)
         return
-    if topics is not None:
-        raise InputInvalid(f"--topics {topics}", "--ros2 beside it")
+    for option, given in {"--topics": topics, "--origin": origin}.items():
+        if given is not None:
+            raise InputInvalid(f"{option} {given}", "--ros2 beside it")
     if kind not in KINDS:
         raise InputInvalid(out, f"ending {out.suffix!r} was read", ", ".join(KINDS))
     if scene and kind != ".mcap":
@@ -73,16 +80,18 @@ def export_command(
 
 
 def _export_bag(
-    run: Path, out: Path, topics: Path | None, distribution: str, *, scene: bool
+    run: Path, out: Path, topics: Path | None, distribution: str, origin: str | None, *, scene: bool
 ) -> None:
     from uuvsim_cosim.bridge.ros2.bag import recorded_topics, write_bag
     from uuvsim_cosim.bridge.ros2.topics import topics_text
+    from uuvsim_cosim.commands.shared.waypoints import origin_of
 
+    place = None if origin is None else origin_of(origin)
     if scene:
         raise InputInvalid("--scene with --ros2", "one of them")
     if out.suffix.lower() in (".yaml", ".yml"):
         with whole_file(out) as fresh:
-            fresh.write_text(topics_text(recorded_topics(run)), encoding="utf-8")
+            fresh.write_text(topics_text(recorded_topics(run, place)), encoding="utf-8")
         keep_schemas(out)
         file_line(out)
         return
@@ -91,7 +100,7 @@ def _export_bag(
             out, f"ending {out.suffix!r} was read", ".mcap, no ending for a folder, or .yaml"
         )
     with StudyProgress("rows") as progress:
-        written, notes = write_bag(run, out, topics, distribution, progress)
+        written, notes = write_bag(run, out, topics, distribution, progress, place)
     for note in notes:
         remark("note", note)
     put("topics", [{"topic": topic.name, "type": topic.type} for topic in written])

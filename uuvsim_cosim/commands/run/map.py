@@ -47,13 +47,8 @@ def map_command(
     """Map the seabed that a run surveyed, and write the map or its points."""
     from uuvsim_cosim.scene.mapping.map_files import check_target
     from uuvsim_cosim.scene.mapping.mapping import read_map, write_map
-    from uuvsim_cosim.scene.mapping.survey import (
-        FILE,
-        FORMATS,
-        keep_settings,
-        read_settings,
-        survey_of,
-    )
+    from uuvsim_cosim.scene.mapping.settings_file import FILE, keep_settings
+    from uuvsim_cosim.scene.mapping.survey import FORMATS, read_settings, survey_of
     from uuvsim_cosim.view.reports.survey_map import map_figures
 
     if every < 1:
@@ -95,7 +90,7 @@ def mapped(system: str, folder: Path, progress: RunProgress) -> SeabedMap | None
 
     If no map can be made, a notice on stderr gives the reason: the run itself succeeded.
     """
-    from uuvsim_cosim.scene.mapping.survey import keep_settings, settings_of_system
+    from uuvsim_cosim.scene.mapping.settings_file import keep_settings, settings_of_system
 
     settings = settings_of_system(system)
     if settings is None:

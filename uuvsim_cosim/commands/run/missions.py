@@ -126,7 +126,7 @@ def _errors(run: Run, flight: Flight) -> _Flown:
     done = "yes" if signals["guidance.done"][-1] else "no" if flight.radius is None else "-"
     if flight.kind == "survey":
         end = path_end(traces_of(run.folder))
-        found = tracking(np.asarray(signals.time), eta[:, :3], path, None, end)
+        found = tracking(np.asarray(signals.time), eta.T, path, None, end)
         depth = eta[:end, 2] - path[0, 2]
         return _Flown(found.rms, found.max, float(np.sqrt(np.mean(depth**2))), energy, done)
     place = eta[len(eta) // 4 :, :3]

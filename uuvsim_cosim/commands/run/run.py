@@ -23,9 +23,12 @@ from uuvsim_cosim.commands.shared.progress import RunProgress
 from uuvsim_cosim.commands.shared.system_options import (
     MAP,
     SET,
+    ArmReal,
     Force,
+    Unsigned,
     VehicleOfMission,
     edited_system,
+    permit_commands,
 )
 from uuvsim_cosim.commands.shared.terminal import file_line, line, notice, put, remark, tilde
 from uuvsim_cosim.errors import ComponentFailed, InputInvalid, LoopNotConverged
@@ -91,6 +94,10 @@ def run_command(
         str | None,
         typer.Option(help="ArduSub's simulation binary; by default `ardusub` in the PATH."),
     ] = None,
+    px4: Annotated[
+        str | None,
+        typer.Option(help="PX4's build folder, or its binary; by default `px4` in the PATH."),
+    ] = None,
     map_: Annotated[
         list[str] | None, typer.Option("--map", help=f"{MAP}, or component=FILE.ssm.")
     ] = None,
@@ -99,6 +106,8 @@ def run_command(
         typer.Option(help="Communication step: component=0.02, or component=20ms."),
     ] = None,
     force: Force = False,
+    arm_real: ArmReal = False,
+    unsigned: Unsigned = False,
     native: Annotated[
         bool, typer.Option("--native", help="Run models in this process instead of as FMUs.")
     ] = False,
@@ -180,8 +189,8 @@ def run_command(
         refused = {
             "--waypoints": waypoints, "--origin": origin, "--replace": replace, "--map": map_,
             "--rate": rate, "--vehicle": vehicle, "--force": force, "--ardusub": ardusub,
-            "--real-time": real_time, "--isolate": isolate, "--scenario": scenario,
-            "--view": view, "--loops": loops,
+            "--px4": px4, "--real-time": real_time, "--isolate": isolate, "--scenario": scenario,
+            "--view": view, "--loops": loops, "--arm-real": arm_real, "--unsigned": unsigned,
         }  # fmt: skip
         for option, given in refused.items():
             if given:
@@ -207,18 +216,23 @@ def run_command(
     }
     if waypoints is not None:
         changes["waypoints"] = {"file": waypoints.name} | ({"origin": origin} if origin else {})
-    elif origin is not None:
-        raise InputInvalid(f"--origin {origin}: applies to --waypoints", "--waypoints as well")
     if scenario is not None:
         changes["scenario"] = {"file": scenario.name}
     if out is not None:
         expect_folder(out)
-    edited = edited_system(system, waypoints, changes, loops, origin, vehicle, force, ardusub)
+    follows = permit_commands(changes["replace"], arm_real=arm_real, unsigned=unsigned)
+    if follows and real_time is None:
+        raise InputInvalid(
+            "--replace mavlink:…", "a followed vehicle has the time of the wall clock",
+            "--real-time 1 as well",
+        )  # fmt: skip
+    edited = edited_system(system, waypoints, changes, loops, origin, vehicle, force,
+                           {"ardusub": ardusub, "px4": px4})  # fmt: skip
     if real_time is None and overruns != "catch-up":
         raise InputInvalid(f"--overruns {overruns}: expected --real-time FACTOR with it")
     from uuvsim_cosim.orchestrator.master.real_time import Pace
     from uuvsim_cosim.orchestrator.running.run import Interrupted, run
-    from uuvsim_cosim.view.reports.run_report import write_metrics, write_report
+    from uuvsim_cosim.view.recorded.metrics import write_metrics
 
     pace = None if real_time is None else Pace(real_time, overruns)  # type: ignore[arg-type]
     about = {
@@ -252,6 +266,8 @@ def run_command(
         figures, warnings = summary(done, surveyed)
         write_metrics(done.folder, figures)
         if not no_report:
+            from uuvsim_cosim.view.reports.run_report import write_report
+
             progress.say("writing the report")
             report_file = write_report(done.folder)
     show_run(done, report_file, figures, warnings)

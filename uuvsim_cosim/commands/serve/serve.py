@@ -6,7 +6,7 @@ import errno
 import signal
 import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -19,12 +19,17 @@ from uuvsim_cosim.commands.shared.options import assignments, folder_option, rat
 from uuvsim_cosim.commands.shared.system_options import (
     MAP,
     SET,
+    ArmReal,
     Force,
+    Unsigned,
     VehicleOfMission,
     edited_system,
+    flown_path,
     named_system,
+    permit_commands,
+    with_path,
 )
-from uuvsim_cosim.commands.shared.terminal import line, notice, put, tilde
+from uuvsim_cosim.commands.shared.terminal import line, notice, put, remark, tilde
 from uuvsim_cosim.errors import InputInvalid
 
 if TYPE_CHECKING:
@@ -71,7 +76,7 @@ def serve_command(
         str | None,
         typer.Option(
             autocompletion=of("humble", "jazzy", "kilted", "lyrical"),
-            help="Publish the signals as ROS 2 topics for this distribution's rmw_zenoh.",
+            help="Be a node of ROS 2 for this distribution's rmw_zenoh: topics, inputs, services.",
         ),
     ] = None,
     topics: Annotated[
@@ -80,19 +85,37 @@ def serve_command(
     ros2_port: Annotated[
         int | None, typer.Option(help="Port of rmw_zenoh's router (7447).")
     ] = None,
+    foxglove: Annotated[
+        bool,
+        typer.Option("--foxglove", help="Show signals, scene and parameters in Foxglove."),
+    ] = False,
+    foxglove_port: Annotated[
+        int | None, typer.Option(help="Port for Foxglove (8765); 0 for any.")
+    ] = None,
     mavlink: Annotated[
         str | None,
         typer.Option(
-            metavar="ADDRESS",
-            help="Speak MAVLink like ArduSub: udpout:127.0.0.1:14550, tcpin:127.0.0.1:5760.",
+            metavar="[ADDRESS]",
+            help="Speak MAVLink like ArduSub, by default to udpout:127.0.0.1:14550.",
         ),
     ] = None,
-    arm_real: Annotated[
-        bool, typer.Option("--arm-real", help="Send commands to a vehicle that is followed.")
-    ] = False,
-    unsigned: Annotated[
-        bool, typer.Option("--unsigned", help="Send these commands without a signature.")
-    ] = False,
+    waypoints: Annotated[
+        Path | None,
+        typer.Option(
+            help="Mission: a .plan of QGroundControl, or a CSV of north, east, down in m or of "
+            "lat, lon, depth."
+        ),
+    ] = None,
+    origin: Annotated[
+        str | None,
+        typer.Option(
+            metavar="LAT,LON",
+            help="Place of the local frame's origin: for --waypoints in degrees, --mavlink, and "
+            "GPS fixes of --ros2.",
+        ),
+    ] = None,
+    arm_real: ArmReal = False,
+    unsigned: Unsigned = False,
     out: Annotated[
         Path | None,
         folder_option("Folder of the recording."),
@@ -108,6 +131,10 @@ def serve_command(
     ardusub: Annotated[
         str | None,
         typer.Option(help="ArduSub's simulation binary; by default `ardusub` in the PATH."),
+    ] = None,
+    px4: Annotated[
+        str | None,
+        typer.Option(help="PX4's build folder, or its binary; by default `px4` in the PATH."),
     ] = None,
     map_: Annotated[
         list[str] | None, typer.Option("--map", help=f"{MAP}, or component=FILE.ssm.")
@@ -165,13 +192,17 @@ def serve_command(
     from uuvsim_cosim.bridge.server.playback import is_recording
     from uuvsim_cosim.bridge.tcp.framing import HTTP_PORT, TCP_PORT
     from uuvsim_cosim.bridge.zenoh.session import PORT
+    from uuvsim_cosim.commands.shared.waypoints import origin_of
+    from uuvsim_cosim.orchestrator.running.mission import has_path
 
     if until is not None and not 0.0 < until < float("inf"):
         raise InputInvalid(f"--until {until:g}: expected more than 0 seconds")
     if not 0.0 < real_time < float("inf"):
         raise InputInvalid(f"--real-time {real_time:g}: expected a factor of more than 0")
-    if ros2 is None and (topics is not None or ros2_port is not None):
+    if ros2 is None and (topics, ros2_port) != (None, None):
         raise InputInvalid("--topics or --ros2-port", "--ros2 DISTRIBUTION beside it")
+    if foxglove_port is not None and not foxglove:
+        raise InputInvalid("--foxglove-port", "--foxglove beside it")
     _raise_limit_of_files()
     if mavlink is not None:
         from uuvsim_cosim.bridge.mavlink.link import Address, dialect
@@ -184,34 +215,45 @@ def serve_command(
         TCP_PORT if tcp_port is None else tcp_port,
         HTTP_PORT if http_port is None else http_port,
     )
-    _check_ports(opened.hosts, *ports)
+    wanted = dict(zip(("--port", "--tcp-port", "--http-port"), ports, strict=True))
+    if foxglove:
+        from uuvsim_cosim.bridge.foxglove.permissions import foxglove_permissions
+        from uuvsim_cosim.bridge.foxglove.server import FOXGLOVE_PORT, foxglove_sdk
+
+        foxglove_sdk()
+        foxglove_permissions(opened)
+        foxglove_port = FOXGLOVE_PORT if foxglove_port is None else foxglove_port
+        wanted["--foxglove-port"] = foxglove_port
+    _check_ports(opened.hosts, wanted)
     changes = {
         "replace": assignments("--replace", replace or [], "component=source", dotted=False),
         "map": assignments("--map", map_ or [], MAP, dotted=False),
         "rate": rates(rate or []),
         "set": assignments("--set", set_ or [], SET, dotted=True),
     }
+    flown = flown_path(waypoints, origin, shared=ros2 is not None or mavlink is not None)
+    place = None if flown is None else flown.origin
+    if origin is not None:
+        place = origin_of(origin)
     served: System | str = system
     folder = None
     if is_recording(system):
         others = {"fmu": fmu, "seed": seed, "out": out, "loops": loops, "vehicle": vehicle,
-                  "force": force}  # fmt: skip
+                  "force": force, "waypoints": flown}  # fmt: skip
         if given := [f"--{name}" for name, value in {**changes, **others}.items() if value]:
             raise InputInvalid(
                 system, "is a recording, which cannot be changed", f"it without {', '.join(given)}"
             )
     else:
         with_keyboards(lambda: named_system(system, vehicle), changes["replace"])
-        if (
-            arm_real
-            or unsigned
-            or any(text.startswith("mavlink:") for text in changes["replace"].values())
-        ):
-            from uuvsim_cosim.bridge.mavlink.follower import allow
-
-            for text in allow(arm_real=arm_real, unsigned=unsigned):
-                notice(text)
-        served = edited_system(system, None, changes, loops, None, vehicle, force, ardusub)
+        permit_commands(changes["replace"], arm_real=arm_real, unsigned=unsigned)
+        served = edited_system(system, None, changes, loops, None, vehicle, force,
+                               {"ardusub": ardusub, "px4": px4})  # fmt: skip
+        if flown is not None:
+            if mavlink is None or has_path(served):
+                served = with_path(served, flown)
+            for note in flown.notes:
+                remark("note", note)
         if not no_record:
             folder = out if out is not None else Path("runs") / f"{served.name}-{seed}"
     conductor = Conductor(
@@ -223,7 +265,7 @@ def serve_command(
         """Print the warnings that came up during the run, and the folders of its recordings."""
         for warning in conductor.warnings:
             if warning not in warned:
-                line(f"warning: {warning}")
+                remark("assumed", warning)
         for recorded in conductor.folders:
             line(f"recording  {tilde(recorded)}")
 
@@ -231,17 +273,32 @@ def serve_command(
     try:
         with ExitStack() as stack:
             for warning in conductor.warnings:
-                line(f"warning: {warning}")
+                remark("assumed", warning)
             stack.callback(print_rest, conductor.warnings)
             stack.callback(conductor.close)
             if mavlink is not None:
                 from uuvsim_cosim.bridge.mavlink.server import MavlinkServer
 
-                server = stack.enter_context(MavlinkServer(conductor, mavlink, anyone=anyone))
+                mission = None if flown is None else flown.points.tolist()
+                server = stack.enter_context(
+                    MavlinkServer(
+                        conductor,
+                        mavlink,
+                        anyone=anyone,
+                        mission=mission,
+                        origin=place,
+                        report=notice,
+                    )
+                )
                 line(f"MAVLink {', '.join(server.addresses)}  QGroundControl, pymavlink, MAVSDK")
             _open_servers(stack, conductor, opened, *ports)
+            if foxglove_port is not None:
+                _open_foxglove(stack, conductor, opened, foxglove_port)
             if ros2 is not None:
-                _open_node(stack, conductor, ros2, topics, ros2_port)
+                _open_node(
+                    stack, conductor, ros2, topics, ros2_port, real_time, place,
+                    commands=access is None,
+                )  # fmt: skip
             _wait(conductor, real_time, paused, until)
     finally:
         signal.signal(signal.SIGTERM, before)
@@ -306,32 +363,69 @@ def _open_servers(
 
 
 def _open_node(
-    stack: ExitStack, conductor: Conductor, distribution: str, topics: Path | None, port: int | None
-) -> None:
+    stack: ExitStack, conductor: Conductor, distribution: str, topics: Path | None,
+    port: int | None, real_time: float, origin: tuple[float, float] | None, *, commands: bool,
+) -> None:  # fmt: skip
     from uuvsim_cosim.bridge.ros2.node import ROUTER_PORT, Ros2Node
 
     node = stack.enter_context(
-        Ros2Node(conductor, distribution, topics=topics, port=ROUTER_PORT if port is None else port)
-    )
+        Ros2Node(
+            conductor, distribution, topics=topics, port=ROUTER_PORT if port is None else port,
+            commands=commands, factor=real_time, report=lambda text: notice(f"ROS 2: {text}"),
+            origin=origin,
+        )
+    )  # fmt: skip
     router = "router" if node.is_router else "client of the router"
+    every = f"{len(node.topics)} topics, {len(node.inputs)} inputs, {len(node.services)} services"
     line(
-        f"  ROS 2  {distribution}: node /{node.node.name}, domain {node.domain}, "
-        f"{len(node.topics)} topics, {router} at tcp/127.0.0.1:{node.port}; "
-        "every program on this machine can read them, without token"
+        f"  ROS 2  {distribution}: node /{node.node.name}, domain {node.domain}, {every}, "
+        f"{router} at tcp/127.0.0.1:{node.port}; every program on this machine can "
+        f"{'read, set and step' if commands else 'read'} them, without token"
     )
+    for one in node.inputs:
+        signals = ", ".join(name for names in one.signals.values() for name in names)
+        line(f"  input  {one.name}  {one.type}: {signals}, time-out {one.timeout:g} s")
+    if not commands:
+        notice(
+            "ROS 2: inputs and services are closed, because a ROS 2 node proves no identity that "
+            "a role of --access could allow; expected no --access, or clients of Zenoh, TCP or "
+            "HTTP for commands"
+        )
     for name in node.without_topic if topics is None else ():
         line(f"  note: {name}: a text has no topic")
+    for note in node.omitted:
+        line(f"  note: {note}")
     put("ros2", [{"topic": topic.name, "type": topic.type} for topic in node.topics])
+    put("ros2_inputs", [{"topic": one.name, "type": one.type} for one in node.inputs])
+    put("ros2_services", [{"name": name, "type": type_} for name, type_ in node.services.items()])
 
 
-def _check_ports(hosts: Sequence[str], port: int, tcp: int, http: int) -> None:
+def _open_foxglove(
+    stack: ExitStack, conductor: Conductor, opened: ServerSettings, port: int
+) -> None:
+    from uuvsim_cosim.bridge.access.access_file import is_loopback
+    from uuvsim_cosim.bridge.foxglove.permissions import foxglove_permissions
+    from uuvsim_cosim.bridge.foxglove.server import FoxgloveServer
+    from uuvsim_cosim.view.scene3d.foxglove_live import drawing
+
+    permissions = foxglove_permissions(opened)
+    server = stack.enter_context(FoxgloveServer(conductor, port, permissions, drawing=drawing))
+    here = all(map(is_loopback, permissions.hosts))
+    who = "every program on this machine" if here else "everybody who reaches it"
+    may = "read, set and step it" if "step" in permissions.allowed else "read it"
+    line(f"  Foxglove  {', '.join(server.addresses)}; {who} can {may}, without token")
+    if permissions.reason:
+        line(f"  note: {permissions.reason}")
+    put("foxglove", {"addresses": server.addresses, "topics": server.topics})
+
+
+def _check_ports(hosts: Sequence[str], wanted: Mapping[str, int]) -> None:
     """Raise InputInvalid for ports in use, before anything is built or recorded."""
     import socket
 
-    wanted = {"--port": port, "--tcp-port": tcp, "--http-port": http}
     options: dict[int, str] = {}  # by port
     for option, number in wanted.items():
-        if number == 0 or (number == -1 and option != "--port"):
+        if number == 0 or (number == -1 and option in ("--tcp-port", "--http-port")):
             continue
         if not 0 < number < 1 << 16:
             raise InputInvalid(f"{option} {number}: expected a port, 1 to 65535, or 0 for any")

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from functools import partial
 from typing import Annotated, Any
 
 import typer
 
-__all__ = ["EXAMPLES", "GROUPS", "complete", "path_of", "walk"]
+__all__ = ["EXAMPLES", "GROUPS", "complete", "path_of", "walk", "with_implied_values"]
 
 
 OUTPUT = "Output"
@@ -22,8 +23,8 @@ _FMU = {
 # Groups of options in the `--help` of commands that have many.
 GROUPS: dict[str, dict[str, tuple[str, ...]]] = {
     "run": {
-        _SYSTEM: ("--vehicle", "--set", "--replace", "--map", "--force", "--ardusub", "--loops",
-                  "--native", "--isolate", "--watchdog"),
+        _SYSTEM: ("--vehicle", "--set", "--replace", "--map", "--force", "--ardusub", "--px4",
+                  "--loops", "--native", "--isolate", "--watchdog", "--arm-real", "--unsigned"),
         _TIME: ("--until", "--start", "--rate", "--real-time", "--overruns"),
         _INPUTS: ("--input", "--waypoints", "--origin", "--scenario", "--seed"),
         OUTPUT: ("--out", "--record-every", "--no-report", "--open", "--view", "--port",
@@ -31,12 +32,13 @@ GROUPS: dict[str, dict[str, tuple[str, ...]]] = {
         "One FMU": ("--step", "--interface"),
     },
     "serve": {
-        _SYSTEM: ("--vehicle", "--set", "--replace", "--map", "--force", "--ardusub", "--loops",
-                  "--fmu", "--seed"),
+        _SYSTEM: ("--vehicle", "--set", "--replace", "--map", "--force", "--ardusub", "--px4",
+                  "--loops", "--fmu", "--seed"),
         _TIME: ("--real-time", "--paused", "--until", "--rate", "--fail-safe"),
         _CONNECTIONS: ("--host", "--port", "--tcp-port", "--http-port"),
         "ROS 2": ("--ros2", "--topics", "--ros2-port"),
-        "MAVLink": ("--mavlink", "--arm-real", "--unsigned"),
+        "Foxglove": ("--foxglove", "--foxglove-port"),
+        "MAVLink": ("--mavlink", "--waypoints", "--arm-real", "--unsigned"),
         "Access": ("--access", "--anyone", "--no-code"),
         OUTPUT: ("--out", "--no-record"),
     },
@@ -52,8 +54,13 @@ GROUPS: dict[str, dict[str, tuple[str, ...]]] = {
         "Fit": ("--parameters", "--no-proposals"),
         OUTPUT: ("--save-as", "--manoeuvre"),
     },
+    "study": {
+        _SYSTEM: ("--force", "--loops", "--master"),
+        "Execution": ("--jobs", "--restart", "--ray"),
+        OUTPUT: ("--out", "--no-report", "--open"),
+    },
     "train": {
-        _TASK: ("--task-set", "--curriculum", "--profile"),
+        _TASK: ("--task-set", "--force", "--curriculum", "--profile"),
         "Algorithm": ("--algo", "--set", "--config", "--seed", "--seeds"),
         _LENGTH: ("--envs", "--steps", "--evaluate-every", "--evaluation-episodes", "--ray"),
         OUTPUT: ("--out", "--restart", "--no-report", "--open"),
@@ -101,7 +108,8 @@ EXAMPLES: dict[str, tuple[str, ...]] = {
     "serve": (
         "serve bluerov2_hold",
         "serve bluerov2_hold --paused --no-record",
-        "serve bluerov2_hold --replace pilot=keyboard --mavlink udpout:127.0.0.1:14550",
+        "serve bluerov2_hold --replace pilot=keyboard --mavlink --waypoints mission.plan",
+        "serve bluerov2_survey --foxglove",
         "serve runs/bluerov2_survey-0",
     ),
     "view": ("view", "view runs/bluerov2_survey-0 --port 8090"),
@@ -147,7 +155,12 @@ EXAMPLES: dict[str, tuple[str, ...]] = {
     "fmu system": ("fmu system bluerov2_hold -o .",),
     "fmu client": ("fmu client bluerov2_hold -o .",),
     "pack": ("pack bluerov2_survey -o survey.ssp",),
-    "new": ("new controller", "new controller --as c", "new --workspace my_project"),
+    "new": (
+        "new controller",
+        "new controller --as c",
+        "new --workspace my_project",
+        "new --ros2-workspace my_ros2",
+    ),
     "lint": ("lint", "lint my_study.yaml", "lint my_project --json"),
     "envs": ("envs",),
     "train": ("train source --algo sac --seed 1", "train source --algo sac --seeds 8"),
@@ -201,9 +214,34 @@ def complete(command: Any) -> Any:
                     parameter.rich_help_panel = name
             each.params.sort(key=lambda p: order.index(p.opts[0]) if p.opts[0] in place else -1)
         each.params.extend(shared)
+        if any("--mavlink" in parameter.opts for parameter in each.params):
+            each.parse_args = partial(_parsed, each.parse_args)
         if path in EXAMPLES:
             each.epilog = "\n\n".join(("Examples:", *(f"uuvsim {x}" for x in EXAMPLES[path])))
     return command
+
+
+def _parsed(parse: Callable[[Any, list[str]], Any], context: Any, arguments: list[str]) -> Any:
+    return parse(context, with_implied_values(arguments))
+
+
+def with_implied_values(arguments: Sequence[str]) -> list[str]:
+    """Return the arguments, with the default address behind a `--mavlink` that has no value.
+
+    Typer has no options whose value may be left out. An address contains a colon.
+    """
+    if "--mavlink" not in arguments:
+        return list(arguments)
+    from uuvsim_cosim.bridge.mavlink.link import DEFAULT
+
+    filled: list[str] = []
+    for number, argument in enumerate(arguments):
+        filled.append(argument)
+        following = arguments[number + 1] if number + 1 < len(arguments) else "-"
+        is_value = ":" in following or following.isdigit()
+        if argument == "--mavlink" and (following.startswith("-") or not is_value):
+            filled.append(DEFAULT)
+    return filled
 
 
 def walk(command: Any, path: str = "") -> Iterator[tuple[str, Any]]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -10,12 +11,26 @@ import typer
 
 from uuvsim_cosim.commands.shared.completion import vehicles
 from uuvsim_cosim.commands.shared.options import by_component, value_of
+from uuvsim_cosim.commands.shared.terminal import notice
 from uuvsim_cosim.errors import InputInvalid
 
 if TYPE_CHECKING:
+    from uuvsim_cosim.commands.shared.waypoints import Waypoints
     from uuvsim_cosim.orchestrator.system.system import System
 
-__all__ = ["MAP", "SET", "Force", "VehicleOfMission", "edited_system", "named_system"]
+__all__ = [
+    "MAP",
+    "SET",
+    "ArmReal",
+    "Force",
+    "Unsigned",
+    "VehicleOfMission",
+    "edited_system",
+    "flown_path",
+    "named_system",
+    "permit_commands",
+    "with_path",
+]
 
 SET = "component.parameter=value"
 MAP = "component.variable=name_in_source"
@@ -34,34 +49,42 @@ Force = Annotated[
     typer.Option("--force", help="Run parts that are made for another vehicle; each is a warning."),
 ]
 
+ArmReal = Annotated[
+    bool, typer.Option("--arm-real", help="Send commands to a vehicle that is followed.")
+]
+Unsigned = Annotated[
+    bool, typer.Option("--unsigned", help="Send these commands without a signature.")
+]
+
 
 def edited_system(
     name: str, waypoints: Path | None, changes: dict[str, dict[str, str]],
     loops: str | None = None, origin: str | None = None, vehicle: str | None = None,
-    force: bool = False, ardusub: str | None = None,
+    force: bool = False, binaries: Mapping[str, str | None] | None = None,
 ) -> System:  # fmt: skip
     """Load the system and apply the swaps, then rates, values, waypoints and the policies.
 
-    With a `vehicle`, `name` is a mission, and the system is made for both. `ardusub` is the path of
-    ArduSub's binary.
+    With a `vehicle`, `name` is a mission, and the system is made for both. `binaries` has
+    the paths of autopilots' binaries, by their schemes.
     """
-    from uuvsim_cosim.commands.shared.waypoints import load_waypoints, origin_of
-    from uuvsim_cosim.orchestrator.running.mission import with_waypoints
     from uuvsim_cosim.orchestrator.shipped.autopilot import (
-        ARDUSUB,
-        is_ardusub,
+        autopilot_of,
         with_autopilot,
         with_binary,
     )
+    from uuvsim_cosim.orchestrator.system.resolve import resolve
 
-    place = None if origin is None else origin_of(origin)
-    flown = None if waypoints is None else load_waypoints(waypoints, place)
+    flown = flown_path(waypoints, origin)
     system = named_system(name, vehicle)
     if force:
         system = system.with_mismatches("warn")
     if loops is not None:
         system = system.with_loops(loops)  # type: ignore[arg-type]  # refused if there is none
-    rates, swaps = changes["rate"], changes["replace"]
+    rates, swaps = changes["rate"], dict(changes["replace"])
+    if any(text.startswith("axes:") for text in swaps.values()):
+        from uuvsim_cosim.bridge.http.recorded_axes import with_recorded_axes
+
+        with_recorded_axes(lambda: system, swaps)
     files = {c: f for c, f in changes["map"].items() if f.lower().endswith(".ssm")}
     maps = by_component({k: v for k, v in changes["map"].items() if k not in files})
     for component in {**files, **maps}:
@@ -70,16 +93,18 @@ def edited_system(
                 f"--map {component}: the component is not replaced", f"--replace {component}=SOURCE"
             )
     for component, source in swaps.items():
-        if is_ardusub(source):
-            full = source if ":" in source else ARDUSUB
+        if autopilot_of(source) is not None:
+            full = resolve(source if ":" in source else f"{source}:", Path.cwd()).text
             system = with_autopilot(system, component, full)
             continue
         # A file on the command line is relative to the current folder, not to the system's.
         mapping = Path(files[component]) if component in files else maps.get(component)
         system = system.replace(component, _from_here(source), map=mapping,
                                 rate=rates.get(component))  # fmt: skip
-    if ardusub is not None:
-        system = with_binary(system, ardusub)
+    for autopilot, binary in (binaries or {}).items():
+        if binary is not None:
+            path_of_it = str(Path(binary).expanduser().absolute())
+            system = with_binary(system, path_of_it, autopilot)
     for component, step in rates.items():
         if component not in swaps:
             element = system.components.get(component)
@@ -96,10 +121,46 @@ def edited_system(
                     f"--set {path}: is connected to {wire.connection.source}",
                     "a parameter, or an input that nothing is connected to",
                 )
-    if flown is None:
-        return system
+    return system if flown is None else with_path(system, flown)
+
+
+def flown_path(
+    waypoints: Path | None, origin: str | None, *, shared: bool = False
+) -> Waypoints | None:
+    """Return the waypoints of a file; None without one. Raises InputInvalid.
+
+    An `origin` that is `shared` is of use without waypoints, too.
+    """
+    from uuvsim_cosim.commands.shared.waypoints import load_waypoints, origin_of
+
+    place = None if origin is None else origin_of(origin)
+    if waypoints is not None:
+        return load_waypoints(waypoints, place, shared=shared)
+    if place is not None and not shared:
+        raise InputInvalid(f"--origin {origin}: applies to --waypoints", "--waypoints as well")
+    return None
+
+
+def with_path(system: System, flown: Waypoints) -> System:
+    """Return the system with these waypoints in its guidance, and with their notes."""
+    from uuvsim_cosim.orchestrator.running.mission import with_waypoints
+
     system = with_waypoints(system, flown.points)
     return replace(system, remarks=(*system.remarks, *flown.notes))
+
+
+def permit_commands(swaps: Mapping[str, str], *, arm_real: bool, unsigned: bool) -> bool:
+    """Permit or forbid commands to followed vehicles, and print what is permitted.
+
+    `swaps` are the values of `--replace`. Return whether a vehicle is followed.
+    """
+    follows = any(text.startswith("mavlink:") for text in swaps.values())
+    if arm_real or unsigned or follows:
+        from uuvsim_cosim.bridge.mavlink.follower import allow
+
+        for text in allow(arm_real=arm_real, unsigned=unsigned, report=notice):
+            notice(text)
+    return follows
 
 
 def named_system(name: str, vehicle: str | None) -> System:

@@ -38,13 +38,19 @@ A, E2 = 6378137.0, 6.69437999014e-3  # WGS 84: semi-major axis [m], first eccent
 
 @dataclass(frozen=True)
 class Waypoints:
-    """Waypoints (n, 3): north, east, down [m], and what was assumed or left out."""
+    """Waypoints (n, 3): north, east, down [m], and what was assumed or left out.
+
+    `origin` is the place of the local frame, if the file is in degrees.
+    """
 
     points: Floats
     notes: tuple[str, ...] = ()
+    origin: Place | None = None
 
 
-def load_waypoints(path: str | Path, origin: Place | None = None) -> Waypoints:
+def load_waypoints(
+    path: str | Path, origin: Place | None = None, *, shared: bool = False
+) -> Waypoints:
     """Read the waypoints of a file.
 
     CSV: a first row of names (n,e,d or north,east,down, or lat,lon,d; in any order, each with a
@@ -52,7 +58,8 @@ def load_waypoints(path: str | Path, origin: Place | None = None) -> Waypoints:
     A table without names is in m, which is noted; it is refused if its values may be degrees.
     ``.plan``: the mission of QGroundControl; its altitudes have to be 0 or less.
     Latitudes and longitudes need the `origin` of the local frame, (lat, lon) in degrees; of a
-    .plan it is the planned home position, unless it is given. Raises InputInvalid with file and
+    .plan it is the planned home position, unless it is given. An origin of a table in m is refused,
+    unless it is `shared`, that is, of use for something else. Raises InputInvalid with file and
     line number, or number of the item.
     """
     path = Path(path)
@@ -62,8 +69,10 @@ def load_waypoints(path: str | Path, origin: Place | None = None) -> Waypoints:
         raise InputInvalid(path, "no such file", "a CSV of waypoints") from None
     except (OSError, UnicodeDecodeError) as error:
         raise InputInvalid(path, f"cannot be read as text ({error})", "a CSV") from None
-    read = _plan if path.suffix.lower() == ".plan" else _csv
-    found = read(text, path, origin)
+    if path.suffix.lower() == ".plan":
+        found = _plan(text, path, origin)
+    else:
+        found = _csv(text, path, origin, shared)
     if len(found.points) < 2:
         raise InputInvalid(path, f"{len(found.points)} waypoint(s) were read", "at least 2")
     return found
@@ -108,7 +117,7 @@ def _earth(place: Place) -> tuple[float, float, float]:
 # ---- CSV --------------------------------------------------------------------------------------
 
 
-def _csv(text: str, path: Path, origin: Place | None) -> Waypoints:
+def _csv(text: str, path: Path, origin: Place | None, shared: bool) -> Waypoints:
     lines: list[tuple[int, str, list[str]]] = []
     for number, line in enumerate(text.splitlines(), start=1):
         if line.strip() and not line.lstrip().startswith("#"):
@@ -130,7 +139,7 @@ def _csv(text: str, path: Path, origin: Place | None) -> Waypoints:
     if "lat" in order and origin is not None:
         rows = [[*_near((lat, lon), origin, path), d] for lat, lon, d in rows]
         notes.append(_placed(path, origin))
-    elif origin is not None:
+    elif origin is not None and not shared:
         raise InputInvalid(
             f"--origin: {path.name} is in metres", "latitudes and longitudes (lat,lon,d)"
         )
@@ -138,7 +147,7 @@ def _csv(text: str, path: Path, origin: Place | None) -> Waypoints:
         notes.append(
             f"{path.name} has no header: its columns are read as north, east and down in m"
         )
-    return Waypoints(np.array(rows), tuple(notes))
+    return Waypoints(np.array(rows), tuple(notes), origin)
 
 
 def _refuse_degrees(rows: list[list[str]], path: Path, origin: Place | None) -> None:
@@ -277,7 +286,7 @@ def _plan(text: str, path: Path, origin: Place | None) -> Waypoints:
         "waypoints"
         for command, count in skipped.items()
     ]
-    return Waypoints(np.array(points).reshape(-1, 3), tuple(notes))
+    return Waypoints(np.array(points).reshape(-1, 3), tuple(notes), origin)
 
 
 def _simple(items: Iterable[Item]) -> Iterator[Item]:

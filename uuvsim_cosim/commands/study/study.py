@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -10,6 +11,7 @@ import typer
 from uuvsim_cosim.commands.shared.completion import of
 from uuvsim_cosim.commands.shared.options import RAY, clustered, folder_option
 from uuvsim_cosim.commands.shared.progress import StudyProgress
+from uuvsim_cosim.commands.shared.system_options import Force
 from uuvsim_cosim.commands.shared.terminal import (
     file_table,
     line,
@@ -23,6 +25,7 @@ from uuvsim_cosim.commands.shared.termination import Termination
 from uuvsim_cosim.errors import InputInvalid
 
 if TYPE_CHECKING:
+    from uuvsim_cosim.orchestrator.system.elements import Mismatches
     from uuvsim_cosim.studies import StudyResult
 
 __all__ = ["study_command"]
@@ -54,6 +57,7 @@ def study_command(
             help="Algebraic loops: iterate, refuse or delay; overrides the file.",
         ),
     ] = None,
+    force: Force = False,
     ray: Annotated[
         str | None,
         typer.Option("--ray", help=RAY),
@@ -72,9 +76,11 @@ def study_command(
     report = None
     with Termination() as termination, StudyProgress() as progress:
         try:
+            from uuvsim_cosim.orchestrator.plan.flatten import flatten
             from uuvsim_cosim.studies import Study
 
-            study = Study.read(file, loops)  # type: ignore[arg-type]  # an unknown policy is refused
+            warn: Mismatches | None = "warn" if force else None
+            study = Study.read(file, loops, warn)  # type: ignore[arg-type]  # others are refused
             with clustered(ray, jobs) as cluster:
                 done = study.run(
                     out, jobs=jobs, restart=restart, backend="master" if master else "auto",
@@ -89,12 +95,12 @@ def study_command(
             progress.close()
             notice(str(interrupted) or "interrupted; repeat the command to continue")
             raise typer.Exit(termination.status) from None
-    _show(done, report)
+    _show(done, report, flatten(study.system).warnings if force else ())
     if open_ and report is not None:
         typer.launch(str(report))
 
 
-def _show(done: StudyResult, report: Path | None) -> None:
+def _show(done: StudyResult, report: Path | None, warnings: Collection[str]) -> None:
     line()
     by = {"kernel": "by a fused kernel", "master": "by masters"}.get(done.backend, "")
     counts = [f"{done.runs} runs {by}".rstrip(), f"{done.wall_time:.2f} s"]
@@ -114,7 +120,7 @@ def _show(done: StudyResult, report: Path | None) -> None:
     if len(rows) > MOST_POINTS:
         line(f"and {len(rows) - MOST_POINTS} more, in study.json")
     for text in done.remarks:
-        remark("note", text)
+        remark("warning" if text in warnings else "note", text)
     line()
     files = [done.file, *([report] if report else []), done.folder / "study.json"]
     file_table(files)

@@ -7,7 +7,9 @@ every array that a method receives or returns has n rows.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from contextvars import ContextVar
 from dataclasses import dataclass, field
 from fractions import Fraction
 from typing import TYPE_CHECKING, Any, Protocol, TypeVar
@@ -24,11 +26,24 @@ if TYPE_CHECKING:
     from uuvsim_cosim.envs.pictures.picture import View
     from uuvsim_cosim.orchestrator.system.system import System
 
-__all__ = ["Channel", "Moment", "Randomised", "Symmetry", "Task", "TeamTask"]
+__all__ = [
+    "Channel", "Moment", "Randomised", "Symmetry", "Task", "TeamTask", "mismatches_warned",
+]  # fmt: skip
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 T = TypeVar("T")
+_WARNED: ContextVar[bool] = ContextVar("_WARNED", default=False)
+
+
+@contextmanager
+def mismatches_warned(warned: bool = True) -> Iterator[None]:
+    """Make tasks whose systems may have parts of another vehicle (`System.with_mismatches`)."""
+    token = _WARNED.set(warned)
+    try:
+        yield
+    finally:
+        _WARNED.reset(token)
 
 
 @dataclass(frozen=True)
@@ -195,6 +210,7 @@ class _Common:
         signals: Sequence[str] = (),
         randomisation: Randomised | None = None,
     ) -> None:
+        system = system.with_mismatches("warn") if _WARNED.get() else system
         self.system = system
         self.action_step = seconds(action_step, "action_step")
         self.horizon = seconds(horizon, "horizon")

@@ -46,6 +46,7 @@ def describe(model: Model, eq: Equations | None = None) -> Description:
             start=start,
             min=v.min,
             max=v.max,
+            soft_min=v.soft_min,
             description=v.description,
             initial="exact" if start is not None else "calculated",
             value_references=(p.offset,),

@@ -155,11 +155,11 @@ def _tables_of(eq: Equations, token: str, n_held: int) -> str:
         high = literal(math.inf if v.max is None else v.max)
         rows.append(
             f'    {{"{v.name}", {p.offset}, {v.size}, UUV_{v.type.upper()}, UUV_{kind}, '
-            f"{1 if v.shape else 0}, {low}, {high}}},"
+            f"{1 if v.shape else 0}, {int(v.soft_min)}, {low}, {high}}},"
         )
     rows += [  # a state's derivative has its references after the block
         f'    {{"der({p.variable.name})", {layout.derivative_of(p)}, {p.variable.size}, '
-        f"UUV_FLOAT64, UUV_DERIVATIVE, {1 if p.variable.shape else 0}, -__builtin_inf(), "
+        f"UUV_FLOAT64, UUV_DERIVATIVE, {1 if p.variable.shape else 0}, 0, -__builtin_inf(), "
         "__builtin_inf()},"
         for p in layout.placed
         if p.variable.kind == "state"
@@ -177,7 +177,7 @@ def _tables_of(eq: Equations, token: str, n_held: int) -> str:
         '#include "uuv_step.h"',
         f"static const double start[] = {{{', '.join(start)}}};",
         "static const uuv_variable variables[] = {",
-        '    {"time", 0, 1, UUV_FLOAT64, UUV_TIME, 0, -__builtin_inf(), __builtin_inf()},',
+        '    {"time", 0, 1, UUV_FLOAT64, UUV_TIME, 0, 0, -__builtin_inf(), __builtin_inf()},',
         *rows,
         "};",
         *(["static const uuv_clock clocks[] = {", *clocks, "};"] if clocks else []),

@@ -80,7 +80,7 @@ def model_description(
     units = {**description.units, **{name: parse_unit(name) for name in sorted(names)}}
     add_units(root, units)
     experiment = experiment_of(model)
-    add_experiment(root, experiment.stop_time, experiment.step_size, tolerance="1e-06")
+    add_experiment(root, experiment.stop_time, experiment.step_size, description, tolerance="1e-06")
     variables = description.variables
     state_of = {d.name: variables[x] for x, d in derivatives.items()}
     every = [*variables.values(), *derivatives.values()]
@@ -142,10 +142,15 @@ def add_units(root: Element, units: Mapping[str, Unit]) -> None:
         SubElement(SubElement(element, "Unit", name=name), "BaseUnit", base)
 
 
-def add_experiment(root: Element, stop_time: float, step_size: float, **more: str) -> None:
+def add_experiment(
+    root: Element, stop_time: float, step_size: float, d: Description, **more: str
+) -> None:
     """Add the categories of log messages, and the default experiment; times in s."""
     categories = SubElement(root, "LogCategories")
     SubElement(categories, "Category", name="logStatusError", description="refused calls")
+    if any(v.soft_min for v in d.variables.values()):
+        words = "values below the minimum of an input"
+        SubElement(categories, "Category", name="logStatusWarning", description=words)
     times = {"stopTime": number_text(stop_time), "stepSize": number_text(step_size)}
     SubElement(root, "DefaultExperiment", {"startTime": "0", **times, **more})
 

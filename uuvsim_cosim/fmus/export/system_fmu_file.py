@@ -90,7 +90,7 @@ def whole_description(w: Whole, fmi: FmiVersion, sources: Sequence[str] = ()) ->
         attributes["fixedInternalStepSize"] = number_text(float(w.tick))
     add_interface(root, fmi, "CoSimulation", w.identifier, attributes, sources)
     add_units(root, d.units)
-    add_experiment(root, w.stop_time, float(w.tick))
+    add_experiment(root, w.stop_time, float(w.tick), d)
     reference = add_variables(root, fmi, d.variables.values())
     outputs = [  # each element in FMI 2.0
         reference[v.value_references[0] + i]
@@ -122,13 +122,14 @@ def component_table(w: Whole) -> str:
         )
         rows.append(
             f'    {{"{v.name}", {at}, {v.size}, UUV_{v.type.upper()}, {kind}, '
-            f"{1 if v.shape else 0}, {_bound(v.min, '-')}, {_bound(v.max, '')}}},"
+            f"{1 if v.shape else 0}, {int(v.soft_min)}, "
+            f"{_bound(v.min, '-')}, {_bound(v.max, '')}}},"
         )
     numbers = ", ".join(float(x).hex() for x in start)
     lines = [
         f"static const double block_start[] = {{{numbers}}};",
         "static const uuv_variable block_variables[] = {",
-        '    {"time", 0, 1, UUV_FLOAT64, UUV_TIME, 0, -__builtin_inf(), __builtin_inf()},',
+        '    {"time", 0, 1, UUV_FLOAT64, UUV_TIME, 0, 0, -__builtin_inf(), __builtin_inf()},',
         *rows,
         "};",
         "const uuv_component uuv_the_component = {",

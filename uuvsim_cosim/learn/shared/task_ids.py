@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from typing import get_args
 
 from uuvsim_cosim.envs.registration import SHIPPED
 from uuvsim_cosim.envs.task.checks import refuse_options
-from uuvsim_cosim.envs.task.task import Task, TeamTask
+from uuvsim_cosim.envs.task.task import Task, TeamTask, mismatches_warned
 from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.models.declaration.near_names import expected_names
+from uuvsim_cosim.orchestrator.system.elements import Mismatches
 
 __all__ = ["TASKS", "make_task", "short_name"]
 
@@ -34,8 +36,9 @@ def make_task(
     `name` is a scenario of target tracking ("source", "transition_1", "transition_2", "target"),
     the id of an environment ("uuvsim/StationKeeping-v0"), or a task of your own,
     "my_package.module:Name" or "my.py:Name". `options` are its keyword arguments. `profile` is the
-    option of that name of target tracking; "default" is accepted for every task. Raises
-    InputInvalid for an unknown name or option.
+    option of that name of target tracking; "default" is accepted for every task. The option
+    `mismatches` of every task is the policy for parts of another vehicle, "refuse" or "warn" (see
+    `System.with_mismatches`). Raises InputInvalid for an unknown name or option.
 
     Example:
 
@@ -57,6 +60,9 @@ def make_task(
     if not callable(make):
         raise InputInvalid(f"task {name!r}", f"no class {own!r} in {module}", "a task's")
     given = dict(options or {})
+    mismatches = given.pop("mismatches", "refuse")
+    if mismatches not in get_args(Mismatches):
+        raise InputInvalid(f"mismatches {mismatches!r}", "refuse or warn")
     if profile not in (None, "default"):
         from uuvsim_cosim.envs.tasks.target_tracking import TargetTracking
         from uuvsim_cosim.envs.tasks.tracking_scenarios import SCENARIOS
@@ -72,7 +78,8 @@ def make_task(
             )
     refuse_options(f"task {name}", make, given)
     try:
-        task: object = make(**given)
+        with mismatches_warned(mismatches == "warn"):
+            task: object = make(**given)
     except TypeError as error:
         raise InputInvalid(f"task {name}", error, f"options of {signature(make)}") from error
     if not isinstance(task, Task | TeamTask):

@@ -127,8 +127,9 @@ def thruster_t200(
 
     `bench` names the rows in models/thrusters: `t200` at 12 and 16 V, `t200_10_20v` at six
     voltages from 10 to 20 V. Above 16 V, up to the 16.8 V of a full pack of four cells, `t200`
-    uses its rows at 16 V. A voltage above that is refused where it is set. Below the lowest rows,
-    these are used. If a battery exceeds the range during a run, the run reports it.
+    uses its rows at 16 V. A voltage beyond the range is refused where it is set. If the supply
+    leaves the range during a run, the nearest rows are used; the run reports the value and the
+    time. An FMU in another tool refuses a voltage above the range and reports the first one below.
     """
     rows = read_bench(bench)
     m = Model("thruster_t200", "Blue Robotics T200 thruster from bench rows", h_max=0.01)
@@ -184,11 +185,10 @@ def _inputs(m: Model, volts: tuple[float, ...] = ()) -> tuple[ca.SX, ca.SX]:
     The rows at 16 V also stand for a full pack of four cells, 16.8 V, if there are none above.
     """
     u = m.input("u", unit="1", min=-1, max=1, description="command; (pwm - 1500 us) / 400 us")
-    # Tools such as FMPy set every input to 0 before the first step, so 0 V is accepted.
-    low, high = (0.0, max(volts[-1], FULL_PACK)) if volts else (None, None)
-    voltage = m.input(
-        "voltage", unit="V", start=16.0, min=low, max=high, description="of the supply"
-    )
+    low, high = (volts[0], max(volts[-1], FULL_PACK)) if volts else (None, None)
+    # Importers such as FMPy step once with 0 V before they set the first value, and a battery sags.
+    voltage = m.input("voltage", unit="V", start=16.0, min=low, max=high, soft_min=bool(volts),
+                      description="of the supply")  # fmt: skip
     m.input("nu_r", 6, unit=NU, description="unused: thrust is bollard pull")
     return u, voltage
 

@@ -24,7 +24,7 @@ Integrals stop by back-calculation at these limits and at those of the fins and 
 Pitch and yaw saturate no fin together; roll gets the deflection that they leave.
 
 An input that other controllers lack is `ascend`: above 0.5 it commands an emergency
-ascent with full thrust and the largest pitch, heading held.
+ascent with full thrust and the largest pitch; the heading still follows the guidance.
 
 With `wave_filter`, pitch, heading and their rates pass a notch at the frequency of encounter of
 the waves, h(s) = (s² + 2 zeta omega_e s + omega_e²) / (s + omega_e)² (Fossen 2021, 2nd ed.,

@@ -15,7 +15,7 @@ Options of a declaration are structural choices, as Python or a system's file wr
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from math import prod
 from typing import Any, Literal
@@ -51,6 +51,7 @@ class Declared:
     variability: str = "continuous"
     description: str = ""
     units: tuple[str, ...] = ()  # one for each element where they differ; `unit` is "" then
+    soft_min: bool = False  # of an input, see `Model.input`
 
     @property
     def size(self) -> int:
@@ -130,14 +131,22 @@ class Model:
         start: Value = 0.0,
         min: float | None = None,
         max: float | None = None,
+        soft_min: bool = False,
         type: Type = "Float64",
         description: str = "",
     ) -> ca.SX:
-        """Declare an input, held over each communication step; `start` if nothing feeds it."""
+        """Declare an input, held over each communication step; `start` if nothing feeds it.
+
+        A start value out of [min, max] is refused. With `soft_min`, an importer of the FMU may set
+        a value below `min`: the FMU reports the first one, and the equations must be valid there.
+        """
         variability = "continuous" if type == "Float64" else "discrete"
-        return self._declare(
+        symbol = self._declare(
             name, "input", shape, unit, start, type, min, max, variability, description
         )
+        if soft_min:
+            self.variables[name] = replace(self.variables[name], soft_min=True)
+        return symbol
 
     def parameter(
         self,

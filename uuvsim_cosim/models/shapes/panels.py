@@ -27,6 +27,10 @@ _TURN = np.cos(np.radians(40.0))  # the most that a collapse may turn a normal
 _ROUNDS = 6
 _BEND = 1.0  # edges at most, in radii of the curvature of a smooth surface
 _CUTS = ((2, 3, 4), (1, 2, 3), (1, 2))  # of each side; tried in this order
+_State = tuple[
+    list[Array], dict[int, tuple[int, int, int]], dict[int, set[int]], set[tuple[int, int]],
+    dict[int, int],
+]  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -301,13 +305,34 @@ class _Remeshed:
         return float(np.sqrt(d @ d))
 
     def remesh(self, side: float) -> None:
-        """Split, collapse, flip and smooth until the edges are near the wanted length."""
+        """Split, collapse, flip and smooth until the edges are near the wanted length.
+
+        At a tip the rounds do not converge: a split may leave a sliver that the next round removes.
+        So the mesh is that of the round, among the last ones, whose worst triangle is best.
+        """
         self.wanted = np.clip(self.bent, side / 6.0, side)
-        for _ in range(_ROUNDS):
+        best, kept = -np.inf, self._state()
+        for k in range(_ROUNDS):
             self._split()
             self._collapse()
             self._flip()
             self._smooth()
+            if k >= _ROUNDS // 2 and (worst := self._worst()) > best:
+                best, kept = worst, self._state()
+        self.points, self.faces, self.around, self.sharp, self.kinds = kept
+
+    def _state(self) -> _State:
+        around = {v: set(faces) for v, faces in self.around.items()}
+        return list(self.points), dict(self.faces), around, set(self.sharp), dict(self.kinds)
+
+    def _worst(self) -> float:
+        """Return the least of all triangles: shape (1: equilateral) times cosine to the surface."""
+        t = np.array(self.points)[np.array(list(self.faces.values()))]
+        sides = ((t - np.roll(t, 1, axis=1)) ** 2).sum(axis=(1, 2))
+        twice = np.linalg.norm(np.cross(t[:, 1] - t[:, 0], t[:, 2] - t[:, 0]), axis=1)
+        _, near = self.surface.tree.query(t.mean(axis=1))
+        facing = (self.surface.normals[near] * _normals(t)).sum(axis=1)
+        return float((2.0 * np.sqrt(3.0) * twice / sides * facing).min())
 
     def _split(self) -> None:
         for _ in range(12):  # each sweep halves the longest edges

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections import OrderedDict
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from threading import Lock
 from typing import Any, Protocol
 
 import numpy as np
 
-__all__ = ["BLOCK", "LazyArrays", "Source", "Table", "as_array"]
+__all__ = ["BLOCK", "LazyArrays", "Source", "Table", "as_array", "column"]
 
 KEPT = 32 << 20  # bytes of arrays that are kept for the next use
 BLOCK = 4096  # rows of a block, at most
@@ -21,8 +21,12 @@ _NUMBERS = {"double": np.float64, "int64": np.int64, "uint64": np.uint64}
 class Table(Protocol):
     """File of a recording: columns by their number, or all columns of some rows."""
 
-    def columns(self, numbers: Sequence[int]) -> Sequence[Any]:
-        """Return whole columns as Arrow's ChunkedArray."""
+    @property
+    def rows(self) -> int:
+        """Return the number of rows."""
+
+    def chunks(self, number: int) -> Iterator[Any]:
+        """Yield Arrow's Array of the next rows of a column."""
 
     def batches(self, most: int) -> Iterator[Any]:
         """Yield Arrow's RecordBatch of the next rows, at most `most` of them."""
@@ -62,9 +66,7 @@ class LazyArrays(Mapping[str, np.ndarray]):
             if name in self._kept:
                 self._kept.move_to_end(name)
                 return self._kept[name]
-            # One column at a time: memory holds it and the array that it goes into.
-            columns = (self._table.columns((number,))[0] for number in source.numbers)
-            values = self._array(source, columns)
+            values = self._array(source, (column(self._table, n) for n in source.numbers))
             # It is shared by all who ask for it, until it is read again.
             values.flags.writeable = False
             self._kept[name] = values
@@ -89,14 +91,17 @@ class LazyArrays(Mapping[str, np.ndarray]):
         """Become a dictionary of arrays in another process, which may not have the file."""
         return dict, (dict(self),)
 
-    def element(self, name: str, k: int) -> np.ndarray:
-        """Return element `k`, from 0, of a signal, shape (n,); only that column is read."""
-        if name in self._kept:
-            values = self._kept[name]
-            return values[:, k] if values.ndim == 2 else values
-        source = self._sources[name]
-        with self._reading:
-            return self._change(as_array(self._table.columns((source.numbers[k],))[0]))
+    def element_blocks(self, name: str, k: int) -> Iterator[np.ndarray]:
+        """Yield element `k`, from 0, of a signal in blocks of rows; only that column is read."""
+        import pyarrow as pa
+
+        chunks = self._table.chunks(self._sources[name].numbers[k])
+        while True:
+            with self._reading:
+                chunk = next(chunks, None)
+            if chunk is None:
+                return
+            yield self._change(as_array(pa.chunked_array([chunk]), copied=False))
 
     def is_array(self, name: str) -> bool:
         """Return whether a signal is an array, without reading it."""
@@ -118,12 +123,13 @@ class LazyArrays(Mapping[str, np.ndarray]):
         for batch in self._table.batches(BLOCK):
             columns = [pa.chunked_array([column]) for column in batch.columns]
             yield {
-                name: self._array(source, [columns[i] for i in source.numbers], copied=False)
+                name: self._array(
+                    source, (as_array(columns[i], not source.is_array) for i in source.numbers)
+                )
                 for name, source in self._sources.items()
             }
 
-    def _array(self, source: Source, columns: Iterable[Any], copied: bool = True) -> np.ndarray:
-        arrays = (as_array(column, copied or not source.is_array) for column in columns)
+    def _array(self, source: Source, arrays: Iterator[np.ndarray]) -> np.ndarray:
         first = next(arrays)
         if not source.is_array:
             return self._change(first)
@@ -133,6 +139,24 @@ class LazyArrays(Mapping[str, np.ndarray]):
             values = values.astype(np.promote_types(values.dtype, array.dtype), copy=False)
             values[:, k] = array
         return self._change(values)
+
+
+def column(table: Table, number: int) -> np.ndarray:
+    """Return a column as an array of its own; memory holds it and one block of rows."""
+    import pyarrow as pa
+
+    whole, row = np.empty(0), 0
+    for chunk in table.chunks(number):
+        values = as_array(pa.chunked_array([chunk]), copied=False)
+        # Integers without a value are read as NaN.
+        type_ = np.promote_types(whole.dtype, values.dtype) if row else values.dtype
+        if row == 0:
+            whole = np.empty(table.rows, type_)
+        elif type_ != whole.dtype:
+            whole = whole.astype(type_)
+        whole[row : row + len(values)] = values
+        row += len(values)
+    return whole
 
 
 def as_array(column: Any, copied: bool = True) -> np.ndarray:

@@ -41,6 +41,7 @@ if TYPE_CHECKING:
 __all__ = ["SCHEMA_VERSION", "Recorder"]
 
 SCHEMA_VERSION = 1
+MOST_GROUPS = 128  # of rows in a Parquet file
 
 
 @final
@@ -242,11 +243,17 @@ def _to_parquet(stream: Path, parquet: Path) -> None:
     """Convert a stream to Parquet, and delete it when the new file is complete.
 
     Row groups have equal size, whatever the sizes of the batches; memory holds one at a time.
+    There are few of them, since each adds to the part of the file that each reader holds.
     """
     import pyarrow as pa
     import pyarrow.parquet as pq
 
-    messages = [m for _, _, texts in read_batches(stream) for m in texts]
+    messages: list[Sequence[str]] = []
+    rows = 0
+    for _, batch, found in read_batches(stream):
+        messages += found
+        rows += batch.num_rows
+    group = max(ROW_GROUP, rows // MOST_GROUPS)
     batches = read_batches(stream)
     schema, _, _ = next(batches)
     metadata = metadata_of(schema) | {"messages": messages}
@@ -264,17 +271,17 @@ def _to_parquet(stream: Path, parquet: Path) -> None:
             whole_file(parquet) as fresh,
             pq.ParquetWriter(
                 fresh, schema, compression="zstd", use_dictionary=texts,
-                use_byte_stream_split=floats,
+                use_byte_stream_split=floats, write_statistics=False,
             ) as writer,
         ):  # fmt: skip
             waiting: list[pa.RecordBatch] = []
             for _, batch, _ in batches:
                 waiting.append(batch)
-                if sum(b.num_rows for b in waiting) >= ROW_GROUP:
-                    writer.write_table(table(waiting), ROW_GROUP)
+                if sum(b.num_rows for b in waiting) >= group:
+                    writer.write_table(table(waiting), group)
                     waiting.clear()
             if any(b.num_rows for b in waiting):
-                writer.write_table(table(waiting), ROW_GROUP)
+                writer.write_table(table(waiting), group)
         stream.unlink()
     except OSError as error:
         raise RecordingError(

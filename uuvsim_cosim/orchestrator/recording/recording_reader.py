@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from uuvsim_cosim.errors import RecordingError
-from uuvsim_cosim.orchestrator.recording.columns import LazyArrays, Source, Table, as_array
+from uuvsim_cosim.orchestrator.recording.columns import LazyArrays, Source, Table, column
 from uuvsim_cosim.orchestrator.recording.mcap import read_mcap
 from uuvsim_cosim.orchestrator.recording.signals import Signals
 
@@ -25,6 +27,7 @@ __all__ = [
     "empty_batch",
     "file_of",
     "metadata_of",
+    "open_recording",
     "read_batches",
     "read_signals",
 ]
@@ -117,11 +120,22 @@ def read_signals(run: Path | str) -> Signals:
     >>> signals["guidance.eta_d"].shape, signals.units["guidance.eta_d"]
     ((101, 6), 'm, rad')
     """
+    table, signals = open_recording(run)
+    if table is None:
+        return signals
+    return replace(signals, time=column(table, 0), ticks=column(table, 1))
+
+
+def open_recording(run: Path | str) -> tuple[Table | None, Signals]:
+    """Open a recording as `read_signals` does, without reading time and ticks (columns 0 and 1).
+
+    Returns its table, or None for an MCAP file, whose time and ticks have been read.
+    """
     import pyarrow as pa
 
     file = file_of(Path(run))
     if file.suffix.lower() == ".mcap":
-        return read_mcap(file)
+        return None, read_mcap(file)
     if file.suffix == ".parquet":
         parquet = _ParquetTable(file)
         stored: Table = parquet
@@ -157,10 +171,11 @@ def read_signals(run: Path | str) -> Signals:
             elements[name] = tuple(_index(schema.field(i)) for i in numbers)
         units[name] = ", ".join(dict.fromkeys(element_units[name]))
         descriptions[name] = about.get("description", "")
-    time, ticks = (as_array(column) for column in stored.columns((0, 1)))
     metadata = metadata_of(schema) | {"messages": messages}
-    values = LazyArrays(stored, sources)
-    return Signals(time, ticks, values, units, descriptions, metadata, element_units, elements)
+    values, none = LazyArrays(stored, sources), np.empty(0)
+    return stored, Signals(
+        none, none, values, units, descriptions, metadata, element_units, elements
+    )
 
 
 @dataclass(frozen=True)
@@ -169,8 +184,12 @@ class _ArrowTable:
 
     table: pa.Table
 
-    def columns(self, numbers: Sequence[int]) -> list[pa.ChunkedArray]:
-        return [self.table.column(i) for i in numbers]
+    @property
+    def rows(self) -> int:
+        return int(self.table.num_rows)
+
+    def chunks(self, number: int) -> Iterator[pa.Array]:
+        yield from self.table.column(number).chunks
 
     def batches(self, most: int) -> Iterator[pa.RecordBatch]:
         yield from self.table.to_batches(max_chunksize=most)
@@ -189,14 +208,19 @@ class _ParquetTable:
         except (OSError, ValueError) as error:
             raise self._problem(error) from error
 
-    def columns(self, numbers: Sequence[int]) -> list[pa.ChunkedArray]:
-        names = [self.schema.names[i] for i in numbers]
+    @property
+    def rows(self) -> int:
+        return int(self._parquet.metadata.num_rows)
+
+    def chunks(self, number: int) -> Iterator[pa.Array]:
+        name = self.schema.names[number]
         try:
-            # A name with dots can stand for more columns than its own.
-            table = self._parquet.read(columns=names, use_threads=False)
+            for group in range(self._parquet.num_row_groups):
+                # A name with dots can stand for more columns than its own.
+                rows = self._parquet.read_row_group(group, columns=[name], use_threads=False)
+                yield from rows.column(name).chunks
         except (OSError, ValueError) as error:
             raise self._problem(error) from error
-        return [table.column(name) for name in names]
 
     def batches(self, most: int) -> Iterator[pa.RecordBatch]:
         try:

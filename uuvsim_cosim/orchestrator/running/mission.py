@@ -14,7 +14,7 @@ from uuvsim_cosim.fmus.description import Description, Variable
 from uuvsim_cosim.orchestrator.plan.plan import Plan
 from uuvsim_cosim.orchestrator.system.system import System
 
-__all__ = ["duration", "path_of", "with_waypoints"]
+__all__ = ["duration", "has_path", "path_of", "with_waypoints"]
 
 PER_WAYPOINT = 12.0  # s, for slowing down and turning the bow
 AT_THE_END = 45.0  # s, for holding station
@@ -27,11 +27,7 @@ def with_waypoints(system: System, waypoints: NDArray[np.float64]) -> System:
     The guidance is the component that has a parameter ``waypoints`` with three columns. Spare rows
     repeat the last waypoint; its parameter ``count``, if any, is the number of waypoints.
     """
-    found = [
-        (name, description, variable)
-        for name, description in system.checked.descriptions.items()
-        if (variable := _table(description)) is not None
-    ]
+    found = _guidances(system)
     if len(found) != 1:
         raise InputInvalid(
             system.name,
@@ -50,6 +46,19 @@ def with_waypoints(system: System, waypoints: NDArray[np.float64]) -> System:
     if "count" in description.variables:
         system = system.set(f"{name}.count", len(waypoints))
     return system
+
+
+def has_path(system: System) -> bool:
+    """Return whether a guidance of the system follows waypoints."""
+    return bool(_guidances(system))
+
+
+def _guidances(system: System) -> list[tuple[str, Description, Variable]]:
+    return [
+        (name, description, variable)
+        for name, description in system.checked.descriptions.items()
+        if (variable := _table(description)) is not None
+    ]
 
 
 def path_of(plan: Plan) -> NDArray[np.float64] | None:

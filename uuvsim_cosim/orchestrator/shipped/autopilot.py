@@ -1,17 +1,19 @@
-"""Systems in which an autopilot replaces controller and allocation, and `bluerov2_ardusub`."""
+"""Systems in which an autopilot replaces controller and allocation, as `bluerov2_ardusub`."""
 
 from __future__ import annotations
 
 from dataclasses import replace
 from fractions import Fraction
+from urllib.parse import quote
 
 from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.orchestrator.system.system import System
 
-__all__ = ["ARDUSUB", "bluerov2_ardusub", "is_ardusub", "with_autopilot", "with_binary"]
+__all__ = ["AUTOPILOTS", "autopilot_of", "bluerov2_with", "with_autopilot", "with_binary"]
 
-ARDUSUB = "ardusub:"
-LOOP = Fraction(1, 400)  # s, step of ArduSub's loop
+# Names, and numbers of the modes in which they follow a desired pose.
+AUTOPILOTS = {"ardusub": ("ArduSub", 4), "px4": ("PX4", 6)}
+LOOP = Fraction(1, 400)  # s, step of ArduSub's loop, and the fastest that PX4 integrates its IMU
 _MEASURED = {  # outputs of sensors, by component, and inputs of the autopilot
     "dvl": {"velocity": "dvl_velocity", "valid": "dvl_valid", "t_sample": "dvl_t_sample"},
     "usbl": {"position": "usbl_position", "sigma": "usbl_sigma", "valid": "usbl_valid",
@@ -22,12 +24,13 @@ _MEASURED = {  # outputs of sensors, by component, and inputs of the autopilot
 }  # fmt: skip
 
 
-def is_ardusub(source: object) -> bool:
-    """Return whether a source is ArduSub: ``ardusub`` or ``ardusub:?option=value``."""
-    return source == "ardusub" or (isinstance(source, str) and source.startswith(ARDUSUB))
+def autopilot_of(source: object) -> str | None:
+    """Return the autopilot of a source such as ``px4`` or ``px4:?option=value``; None without."""
+    scheme = source.partition(":")[0] if isinstance(source, str) else ""
+    return scheme if scheme in AUTOPILOTS else None
 
 
-def with_autopilot(system: System, name: str, source: str = ARDUSUB) -> System:
+def with_autopilot(system: System, name: str, source: str = "ardusub:") -> System:
     """Return a system in which the autopilot `source` is the component `name`.
 
     It replaces the component `name` (a controller, or an allocation) and the allocation that feeds
@@ -45,8 +48,9 @@ def with_autopilot(system: System, name: str, source: str = ARDUSUB) -> System:
     (False, 'ardusub:')
     """
     known = system.components
+    scheme, _, options = source.partition(":")
     if name not in known:
-        raise InputInvalid(f"--replace {name}=ardusub", "no such component",
+        raise InputInvalid(f"--replace {name}={scheme}", "no such component",
                            f"one of {', '.join(known)}")  # fmt: skip
     wires = system.checked.wires
     hull = next((c for c in known if {"eta", "q", "nu", "nu_dot"} <= _outputs(system, c)), None)
@@ -56,7 +60,7 @@ def with_autopilot(system: System, name: str, source: str = ARDUSUB) -> System:
                                                    strict=True)]  # fmt: skip
     if hull is None or len(allocations) != 1 or len(ends) != 8:
         raise InputInvalid(
-            f"--replace {name}=ardusub",
+            f"--replace {name}={scheme}",
             "the system has no hull, or no allocation of 8 thrusters",
             "a system of one BlueROV2 Heavy, such as bluerov2_hold or bluerov2_survey",
         )
@@ -67,7 +71,7 @@ def with_autopilot(system: System, name: str, source: str = ARDUSUB) -> System:
     ]
     for gone in {name, *allocations}:
         system = system.remove(gone)
-    system = replace(system, tick=min(system.tick, LOOP)).add(name, source)
+    system = replace(system, tick=min(system.tick, LOOP)).add(name, f"{scheme}:{options}")
     for signal in ("eta", "q", "nu", "nu_dot"):
         system = system.connect(f"{hull}.{signal}", f"{name}.{signal}")
     for i, target in ends:
@@ -78,34 +82,37 @@ def with_autopilot(system: System, name: str, source: str = ARDUSUB) -> System:
                 system = system.connect(f"{sensor}.{output}", f"{name}.{input_}")
     for output, target in wanted:
         system = system.connect(output, f"{name}.{target}")
-    return system.set(f"{name}.arm", True).set(f"{name}.mode", 4)
+    return system.set(f"{name}.arm", True).set(f"{name}.mode", AUTOPILOTS[scheme][1])
 
 
-def with_binary(system: System, path: str) -> System:
-    """Return the system with ArduSub's binary at `path`; raises InputInvalid without ArduSub."""
-    flown = [n for n, c in system.components.items() if is_ardusub(c.source)]
+def with_binary(system: System, path: str, autopilot: str = "ardusub") -> System:
+    """Return the system with an autopilot's binary at `path`; raises InputInvalid without it."""
+    flown = [n for n, c in system.components.items() if autopilot_of(c.source) == autopilot]
     if not flown:
-        raise InputInvalid(f"--ardusub {path}", "no component of the system is ArduSub",
-                           "--replace controller=ardusub as well")  # fmt: skip
+        raise InputInvalid(
+            f"--{autopilot} {path}", f"no component of the system is {AUTOPILOTS[autopilot][0]}",
+            f"--replace controller={autopilot} as well",
+        )  # fmt: skip
     for name in flown:
         source = str(system.components[name].source)
         if "binary=" not in source:
             mark = "&" if "?" in source else "?"
-            system = system.replace(name, f"{source}{mark}binary={path}")
+            system = system.replace(name, f"{source}{mark}binary={quote(path, safe='/:~')}")
     return system
 
 
-def bluerov2_ardusub(survey: System) -> System:
-    """Return the survey's vehicle with ArduSub on board: it dives to 5 m in mode guided.
+def bluerov2_with(autopilot: str, survey: System) -> System:
+    """Return the survey's vehicle with an autopilot on board: it dives to 5 m.
 
-    ArduSub replaces navigation, guidance, controller and allocation. The start is 1 m deep.
+    The autopilot replaces navigation, guidance, controller and allocation. The start is 1 m deep.
     """
-    system = with_autopilot(survey, "controller")
+    system = with_autopilot(survey, "controller", f"{autopilot}:")
     for gone in ("navigation", "guidance", "current"):
         system = system.remove(gone)
     system = replace(
-        system, name="bluerov2_ardusub", stop_time=60.0,
-        description="A BlueROV2 Heavy with the autopilot ArduSub on board dives to 5 m",
+        system, name=f"bluerov2_{autopilot}", stop_time=60.0,
+        description=f"A BlueROV2 Heavy with the autopilot {AUTOPILOTS[autopilot][0]} on board "
+                    "dives to 5 m",
     )  # fmt: skip
     return system.set("controller.eta_d", (0.0, 0.0, 5.0, 0.0, 0.0, 0.0))
 

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 
-from uuvsim_cosim.orchestrator.shipped.autopilot import bluerov2_ardusub
+from uuvsim_cosim.orchestrator.shipped.autopilot import bluerov2_with
 from uuvsim_cosim.orchestrator.shipped.pool import pool_tracking
 from uuvsim_cosim.orchestrator.shipped.tasks import OBSERVED, THRUSTERS, task_system
 from uuvsim_cosim.orchestrator.shipped.tracking import target_tracking
@@ -156,8 +156,9 @@ def bluerov2_survey() -> System:
 
 
 BUILDERS: dict[str, Callable[[], System]] = {
-    "bluerov2_ardusub": lambda: bluerov2_ardusub(bluerov2_survey()),
+    "bluerov2_ardusub": lambda: bluerov2_with("ardusub", bluerov2_survey()),
     "bluerov2_hold": bluerov2_hold,
+    "bluerov2_px4": lambda: bluerov2_with("px4", bluerov2_survey()),
     "bluerov2_survey": bluerov2_survey,
     "bluerov2_task": task_system,
     "pool_tracking": pool_tracking,

@@ -38,10 +38,12 @@ __all__ = [
     "REMARK",
     "anchored",
     "described_by",
+    "is_recorded",
     "is_vehicle_path",
     "nested_structure",
     "proxy_file",
     "register",
+    "remarks_of",
     "resolve",
     "with_vehicle_paths",
 ]
@@ -100,6 +102,18 @@ def resolve(source: str, base: Path | None = None) -> Source:
         f"FILE.py:Class, package.module:Class, model:NAME?option=value"
         + "".join(f", {s}:…" for s in sorted(schemes | set(_factories)))
     )
+
+
+def is_recorded(source: str, base: Path | None = None) -> bool:
+    """Return whether a source has recorded values over time, and so reads no inputs."""
+    return bool(getattr(resolve(source, base), "is_recorded", False))
+
+
+def remarks_of(source: str, base: Path | None = None) -> tuple[str, ...]:
+    """Return what a source of an entry point assumed when it was read, its `remarks`."""
+    factory = _factories.get(source.partition(":")[0])
+    found = None if factory is None else factory(source, Path() if base is None else base)
+    return tuple(getattr(found, "remarks", ()))
 
 
 def described_by(source: str, base: Path | None, start: Mapping[str, object]) -> Source:

@@ -19,7 +19,7 @@ from uuvsim_cosim.orchestrator.system.elements import (
     Structure,
     step_text,
 )
-from uuvsim_cosim.orchestrator.system.resolve import nested_structure
+from uuvsim_cosim.orchestrator.system.resolve import is_recorded, nested_structure
 from uuvsim_cosim.orchestrator.system.validation import as_step, describe_element, problem_of
 from uuvsim_cosim.orchestrator.system.wiring import Wire
 from uuvsim_cosim.orchestrator.values.endpoints import find_variable
@@ -119,7 +119,8 @@ def fitted(
 ) -> S:
     """Return the system with another component at `path`.
 
-    `descriptions` and `wires` are those of the system. Raises SystemInvalid with every problem.
+    `descriptions` and `wires` are those of the system. A recording reads nothing, so the
+    connections to the component end. Raises SystemInvalid with every problem.
     """
     old = system.components[path]
     try:
@@ -128,8 +129,11 @@ def fitted(
         names = dict(mapping or {})
         step = old.rate if rate is None else as_step(rate, path)
         fresh = describe_element(Element(path, source), system.base)
+        recorded = isinstance(source, str) and is_recorded(source, system.base)
     except UuvsimError as error:
         raise SystemInvalid([problem_of(path, error)]) from None
+    if recorded:
+        wires = [w for w in wires if w.target.element != path]
     fit_ = _Fit(system, path, descriptions[path], fresh, names, wires)
     connections = fit_.connections()
     exposed = fit_.exposed()

@@ -322,6 +322,7 @@ class TableSource:
 
     path: Path
     kind: str = "table"
+    is_recorded: ClassVar[bool] = True
 
     @property
     def text(self) -> str:

@@ -27,7 +27,7 @@ from uuvsim_cosim.orchestrator.system.elements import (
     Structure,
 )
 from uuvsim_cosim.orchestrator.system.formats import write_structure
-from uuvsim_cosim.orchestrator.system.resolve import anchored, nested_structure
+from uuvsim_cosim.orchestrator.system.resolve import anchored, nested_structure, remarks_of
 from uuvsim_cosim.orchestrator.system.slot import Slot, fitted, slot_at
 from uuvsim_cosim.orchestrator.system.validation import (
     Checked,
@@ -414,10 +414,13 @@ class System(Structure):
     @property
     def notes(self) -> tuple[str, ...]:
         """Remarks on assumptions: units that descriptions do not name, values that were dropped."""
-        inner = []
+        inner: list[str] = []
         for element in self.elements:
             nested = self._nested(element)
             inner += [f"{element.name}.{n}" for n in nested.notes] if nested else []
+            if isinstance(element.source, str):
+                found = remarks_of(element.source, self.base)
+                inner += [f"{element.name}: {remark}" for remark in found]
             if nested and nested.loops not in ("iterate", self.loops):
                 inner.append(
                     f"{element.name}: its loop policy {nested.loops!r} is ignored; that of "

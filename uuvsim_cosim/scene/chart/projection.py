@@ -13,7 +13,7 @@ from uuvsim_cosim.scene.shared.extra import import_extra
 if TYPE_CHECKING:
     from pyproj import Transformer
 
-__all__ = ["Projection", "projection_at", "utm_code"]
+__all__ = ["Projection", "projection_at", "projection_of", "utm_code"]
 
 Floats = NDArray[np.float64]
 
@@ -48,7 +48,11 @@ def projection_at(degrees: Floats) -> Projection:
         longitude = np.where(longitude < 0, longitude + 360, longitude)
     middle = 0.5 * (longitude.min() + longitude.max())
     height = 0.5 * (degrees[:, 1].min() + degrees[:, 1].max())
-    code = utm_code((middle + 180) % 360 - 180, height)
+    return projection_of(utm_code((middle + 180) % 360 - 180, height))
+
+
+def projection_of(code: str) -> Projection:
+    """Return the projection of a code such as EPSG:32610."""
     pyproj = import_extra("pyproj", "placing a chart on Earth")
     return Projection(code, pyproj.Transformer.from_crs("EPSG:4326", code, always_xy=True))
 

@@ -5,9 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from uuvsim_cosim.content import content
 from uuvsim_cosim.errors import InputInvalid, UuvsimError
-from uuvsim_cosim.models.declaration.modeline import headed, keep_schemas
 from uuvsim_cosim.models.declaration.parameter_files import read_yaml
 from uuvsim_cosim.models.worlds.ground import scene_named
 from uuvsim_cosim.scene.mapping.map_files import check_target, write_geotiff, write_las, write_ply
@@ -20,20 +18,17 @@ from uuvsim_cosim.scene.mapping.mapping import (
     track_of_run,
 )
 from uuvsim_cosim.scene.mapping.scans import RangeSensor, range_sensor, recorded_sensor
+from uuvsim_cosim.scene.mapping.settings_file import FILE
 from uuvsim_cosim.scene.shared.ray_casting import Caster
 
 __all__ = [
-    "FILE",
     "FORMATS",
     "Survey",
     "SurveySettings",
-    "keep_settings",
     "read_settings",
-    "settings_of_system",
     "survey_of",
 ]
 
-FILE = "mapping.yaml"
 FORMATS = (".tif", ".tiff", ".laz", ".las", ".ply")
 
 
@@ -79,25 +74,6 @@ def read_settings(file: Path) -> SurveySettings:
         tuple(sensors),
         tuple(components),
     )
-
-
-def settings_of_system(system: str) -> Path | None:
-    """Return the file of settings of a system, by its name or its .ssd; None if it has none."""
-    path = Path(system)
-    beside = path.parent if path.suffix.lower() in (".ssd", ".ssp") else None
-    folder = beside or content("orchestrator", "systems") / system
-    file = folder / FILE
-    return file if file.is_file() else None
-
-
-def keep_settings(file: Path, run: Path) -> None:
-    """Copy settings into the folder of a run, so that its map can be made again."""
-    try:
-        text = headed("mapping", file.read_text(encoding="utf-8"))
-        (run / FILE).write_text(text, encoding="utf-8")
-        keep_schemas(run / FILE)
-    except OSError as error:
-        raise InputInvalid(f"{run / FILE}: cannot be written ({error.strerror})") from None
 
 
 @dataclass(frozen=True, eq=False)

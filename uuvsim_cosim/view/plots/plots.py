@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from uuvsim_cosim.orchestrator.recording.samples import Array, Samples
 from uuvsim_cosim.view.plots.page import MARKS
 from uuvsim_cosim.view.plots.svg import (
     Scale,
@@ -17,7 +18,6 @@ from uuvsim_cosim.view.plots.svg import (
     text,
     time_ticks,
 )
-from uuvsim_cosim.view.recorded.traces import Array
 
 __all__ = ["Band", "Frame", "Line", "Panel", "Rows", "TimePanel"]
 
@@ -49,7 +49,7 @@ class Line:
     """
 
     label: str
-    value: Array
+    value: Samples
     style: str
     digits: int = 2
     dashed: bool = False
@@ -61,8 +61,8 @@ class Band:
     """A filled region between two curves over time."""
 
     label: str
-    low: Array
-    high: Array
+    low: Samples
+    high: Samples
     style: str = "band"
 
 
@@ -104,13 +104,14 @@ class TimePanel(Panel):
 
     def limits(self) -> tuple[float, float]:
         """Return the range of the value axis: all of the lines, most of the bands."""
-        finite = [line.value[np.isfinite(line.value)] for line in self.lines]
+        values = (np.asarray(line.value) for line in self.lines)
+        finite = [value[np.isfinite(value)] for value in values]
         lows = [float(v.min()) for v in finite if v.size] + list(self.include)
         highs = [float(v.max()) for v in finite if v.size] + list(self.include)
         low, high = (min(lows), max(highs)) if lows else (0.0, 1.0)
         for band in self.bands:  # without their extremes: at the start, a band may be far wider
-            low = min(low, 1.25 * float(np.nanpercentile(band.low, 15)))
-            high = max(high, 1.25 * float(np.nanpercentile(band.high, 85)))
+            low = min(low, 1.25 * float(np.nanpercentile(np.asarray(band.low), 15)))
+            high = max(high, 1.25 * float(np.nanpercentile(np.asarray(band.high), 85)))
         span = max(high - low, self.least_span, 1e-9)
         middle = 0.5 * (low + high)
         return middle - 0.55 * span, middle + 0.55 * span
@@ -130,10 +131,10 @@ class TimePanel(Panel):
             parts.append(text(frame.left - 6, py + 3.5, label, "tick", "end"))
         every = max(1, len(time) // BINS)
         for band in self.bands:
-            limit = [np.clip(v[::every], low, high) for v in (band.low, band.high)]
+            limit = [np.clip(np.asarray(v)[::every], low, high) for v in (band.low, band.high)]
             parts.append(polygon(x(time[::every]), y(limit[0]), y(limit[1]), band.style))
         for line in self.lines:
-            t, v = decimate(time, line.value, BINS)
+            t, v = decimate(time, np.asarray(line.value), BINS)
             style = f"line {line.style}" + (" dash" if line.dashed else "")
             parts.append(path(x(t), y(v), style))
         return "".join(parts)
@@ -143,11 +144,12 @@ class TimePanel(Panel):
         x, y = frame.time_scale(time), self._scale(frame)
         return "".join(
             f'<path class="marker {line.style}" d="{MARKS[line.style]}" transform='
-            f'"translate({float(x(time[i])):.1f} {float(y(line.value[i])):.1f})"/>'
+            f'"translate({float(x(time[i])):.1f} {float(y(value[i])):.1f})"/>'
             for k, line in enumerate(self.lines)
+            for value in [np.asarray(line.value)]
             for i in range((k + 1) * len(time) // (6 * len(self.lines) + 1), len(time),
                            max(1, len(time) // 6))
-            if np.isfinite(line.value[i])
+            if np.isfinite(value[i])
         )  # fmt: skip
 
     def _scale(self, frame: Frame) -> Scale:
@@ -163,7 +165,9 @@ class Rows(Panel):
 
     def reach(self) -> float:
         """Return the greatest magnitude of all lines: half the height of a row."""
-        most = [float(np.nanmax(np.abs(line.value), initial=0.0)) for line in self.lines]
+        most = [
+            float(np.nanmax(np.abs(np.asarray(line.value)), initial=0.0)) for line in self.lines
+        ]
         return max(most, default=0.0) or 1.0
 
     def draw(self, time: Array, frame: Frame) -> str:
@@ -179,7 +183,7 @@ class Rows(Panel):
         for number, line in enumerate(self.lines):
             middle = top + row * (number + 0.5)
             y = Scale(-reach, reach, middle + 0.48 * row, middle - 0.48 * row)
-            block = line.value[: whole * size].reshape(whole, size)
+            block = np.asarray(line.value)[: whole * size].reshape(whole, size)
             low, high, mean = block.min(axis=1), block.max(axis=1), block.mean(axis=1)
             zero = np.full(whole, middle)
             parts.append(polygon(px, y(np.minimum(low, 0)), y(np.maximum(high, 0)), "extreme"))

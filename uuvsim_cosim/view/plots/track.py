@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from uuvsim_cosim.orchestrator.recording.samples import Array
 from uuvsim_cosim.view.plots.page import MARKS
 from uuvsim_cosim.view.plots.svg import Scale, nice_ticks, path, text
-from uuvsim_cosim.view.recorded.traces import Array
 
 __all__ = ["VESSEL", "Track"]
 

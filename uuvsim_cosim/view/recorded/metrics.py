@@ -6,12 +6,23 @@ All are taken on the *true* state (``hull.eta``), never on the estimate of navig
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
-from uuvsim_cosim.view.recorded.traces import Array, Elements, Traces
+from uuvsim_cosim.errors import RecordingError
+from uuvsim_cosim.orchestrator.recording.samples import (
+    Array,
+    Samples,
+    blocks,
+    computed,
+    picked,
+    within,
+)
+from uuvsim_cosim.orchestrator.running.run_folder import write_run_json
+from uuvsim_cosim.view.recorded.traces import Elements, Traces, provenance_of
 
 __all__ = [
     "Figure",
@@ -26,11 +37,11 @@ __all__ = [
     "path_end",
     "tracking",
     "wrapped",
+    "write_metrics",
 ]
 
 APPROACH = 1.0  # m; the approach ends when the vehicle is first this close to the path
-ROWS = 1 << 16  # of an intermediate result, so that memory holds few whole columns
-Vector = Elements | Sequence[Array]  # elements (T,) of a vector
+Vector = Elements | Sequence[Samples] | Array  # elements (T,) of a vector
 AXES = ("north", "east", "down", "roll", "pitch", "heading")
 
 
@@ -38,8 +49,7 @@ AXES = ("north", "east", "down", "roll", "pitch", "heading")
 class Tracking:
     """How well the vehicle followed its path; `error` is (T,), NaN during the approach."""
 
-    error: Array
-    depth_error: Array | None
+    error: Samples
     rms: float
     max: float
     depth_rms: float
@@ -77,22 +87,42 @@ def wrapped(angle: Array) -> Array:
     return (angle + np.pi) % (2 * np.pi) - np.pi
 
 
-def _rms(x: Array) -> float:
-    x = x[np.isfinite(x)]
-    return float(np.sqrt(np.mean(x**2))) if x.size else float("nan")
+def _rms(x: Samples) -> float:
+    total, count = 0.0, 0
+    for block in blocks(x):
+        known = block[np.isfinite(block)]
+        total += float(np.sum(known**2))
+        count += known.size
+    return float(np.sqrt(total / count)) if count else float("nan")
 
 
-def cross_track_error(position: Array, path: Array) -> Array:
-    """Return the signed horizontal distance (T,) [m] from position (T, >= 2) to path (n, >= 2).
+def _first(*samples: Samples, where: Callable[..., Array]) -> int | None:
+    """Return the first row at which a condition holds, or None."""
+    row = 0
+    for each in zip(*map(blocks, samples), strict=True):
+        found = np.flatnonzero(where(*each))
+        if found.size:
+            return row + int(found[0])
+        row += len(each[0])
+    return None
+
+
+def _joined(samples: Sequence[Samples]) -> Iterator[list[Array]]:
+    """Yield the blocks of some samples, each with the last row of the block before it."""
+    before: list[Array] = [np.empty(0)] * len(samples)
+    for each in zip(*map(blocks, samples), strict=True):
+        yield [np.concatenate(pair) for pair in zip(before, each, strict=True)]
+        before = [block[-1:] for block in each]
+
+
+def cross_track_error(north: Samples, east: Samples, path: Array) -> Samples:
+    """Return the signed horizontal distance (T,) [m] from a position to a path (n, >= 2).
 
     The path is the polyline through the waypoints. The distance is to its nearest point, over
     all legs, ends included, so it holds for station-keeping at the last waypoint too, and does
     not depend on the active leg of the guidance; it is positive to starboard.
     """
-    signed = np.empty(len(position))
-    for k in range(0, len(position), ROWS):
-        signed[k : k + ROWS] = _cross_track_error(position[k : k + ROWS, :2], path)
-    return signed
+    return computed(lambda n, e: _cross_track_error(np.column_stack([n, e]), path), north, east)
 
 
 def _cross_track_error(p: Array, path: Array) -> Array:
@@ -121,41 +151,39 @@ def path_end(traces: Traces) -> int | None:
     done, nu_d = traces.scalar("guidance.done"), traces.elements("guidance.nu_d", 6)
     if done is None or nu_d is None:
         return None
-    circles = np.flatnonzero((done > 0.5) & (nu_d[0] > 0))  # a station has no wanted speed
-    return int(circles[0]) if circles.size else None
+    # A station has no wanted speed.
+    return _first(done, nu_d[0], where=lambda done, surge: (done > 0.5) & (surge > 0))
 
 
 def tracking(
-    time: Array, eta: Array, path: Array, down: Array | None = None, end: int | None = None
+    time: Array, eta: Vector, path: Array, down: Samples | None = None, end: int | None = None
 ) -> Tracking:
     """Return path-following figures; rms = sqrt(mean e^2) and max |e| over all samples after the
     approach, which ends when |e| first is at most 1 m (if it never is, all samples count), and
     before the sample `end` (see `path_end`).
 
-    The depth error is down minus `down` (T,), the guidance's desired one, at the same sample.
+    `eta` has the elements N, E, D, each (T,). The depth error is D minus `down` (T,), the
+    guidance's desired one, at the same sample.
     """
-    error = cross_track_error(eta, path)
-    close = np.flatnonzero(np.abs(error) <= APPROACH)
-    first = int(close[0]) if close.size else 0
-    error = error.copy()
-    error[:first] = np.nan
-    if end is not None and end > first:
-        error[end:] = np.nan
-    depth = None if down is None else eta[:, 2] - down
+    whole = cross_track_error(eta[0], eta[1], path)
+    first = _first(whole, where=lambda e: np.abs(e) <= APPROACH) or 0
+    error = within(whole, first, end if end is not None and end > first else None)
+    depth = None if down is None else computed(np.subtract, eta[2], down)
+    rms = _rms(error)
+    most = max((float(np.fmax.reduce(np.abs(e), initial=0.0)) for e in blocks(error)), default=0.0)
     return Tracking(
         error=error,
-        depth_error=depth,
-        rms=_rms(error),
-        max=float(np.nanmax(np.abs(error))),
-        depth_rms=float("nan") if depth is None else _rms(depth[first:]),
+        rms=rms,
+        max=most if np.isfinite(rms) else float("nan"),
+        depth_rms=float("nan") if depth is None else _rms(within(depth, first)),
         approach_ends=float(time[first]),
     )
 
 
-def navigation_error(eta_hat: Vector, eta: Vector, axis: int) -> Array:
+def navigation_error(eta_hat: Vector, eta: Vector, axis: int) -> Samples:
     """Return navigation's error (T,) of an axis of eta: estimate minus truth; angles wrapped."""
-    error = eta_hat[axis] - eta[axis]
-    return error if axis < 3 else wrapped(error)
+    error = computed(np.subtract, eta_hat[axis], eta[axis])
+    return error if axis < 3 else computed(wrapped, error)
 
 
 def navigation_errors(eta_hat: Vector, eta: Vector, sigma: Vector | None = None) -> Navigation:
@@ -171,10 +199,13 @@ def navigation_errors(eta_hat: Vector, eta: Vector, sigma: Vector | None = None)
         error = navigation_error(eta_hat, eta, i)
         rms.append(_rms(error))
         if sigma is not None and i < len(sigma):
-            reach = sigma[i]
-            known = np.isfinite(reach) & (reach > 0)
-            if known.any():
-                inside[axis] = float(np.mean(np.abs(error[known]) <= 3.0 * reach[known]))
+            good, count = 0, 0
+            for e, reach in zip(blocks(error), blocks(sigma[i]), strict=True):
+                known = np.isfinite(reach) & (reach > 0)
+                good += int(np.sum(np.abs(e[known]) <= 3.0 * reach[known]))
+                count += int(np.sum(known))
+            if count:
+                inside[axis] = good / count
     return Navigation(
         horizontal_rms=float(np.sqrt(rms[0] ** 2 + rms[1] ** 2)),
         vertical_rms=rms[2],
@@ -183,9 +214,13 @@ def navigation_errors(eta_hat: Vector, eta: Vector, sigma: Vector | None = None)
     )
 
 
-def energy(time: Array, voltage: Array, current: Array) -> float:
+def energy(time: Array, voltage: Samples, current: Samples) -> float:
     """Return the electrical energy taken from the battery, integral of V I dt (trapezoids) [J]."""
-    return float(np.trapezoid(voltage * current, time))
+    used, row = 0.0, 0
+    for volts, amperes in _joined([voltage, current]):
+        used += float(np.trapezoid(volts * amperes, time[row : row + len(volts)]))
+        row += len(volts) - 1
+    return used
 
 
 def figures(traces: Traces, path: Array | None) -> list[Figure]:
@@ -196,7 +231,7 @@ def figures(traces: Traces, path: Array | None) -> list[Figure]:
         eta_d = traces.elements("guidance.eta_d", 6)
         desired = None if eta_d is None else eta_d[2]
         end = path_end(traces)
-        track = tracking(traces.time, eta.stacked(0, 1, 2), path, desired, end)
+        track = tracking(traces.time, eta, path, desired, end)
         after = f"after the approach ({track.approach_ends:.0f} s)" if track.approach_ends else ""
         if end is not None:
             after += f"{', ' if after else ''}until the path's end ({traces.time[end]:.0f} s)"
@@ -236,12 +271,10 @@ def figures(traces: Traces, path: Array | None) -> list[Figure]:
         if duration > 0:
             found.append(Figure("power", "mean electrical power", used / duration, "W", ".0f"))
     if eta is not None:
-        position = eta.stacked(0, 1, 2)
-        steps = np.empty(max(len(position) - 1, 0))
-        for k in range(0, len(steps), ROWS):
-            change = np.diff(position[k : k + ROWS + 1], axis=0)
-            steps[k : k + ROWS] = np.sqrt(np.sum(change**2, axis=1))
-        flown = float(np.sum(steps))
+        flown = sum(
+            float(np.sum(np.sqrt(np.sum(np.diff(np.column_stack(position), axis=0) ** 2, axis=1))))
+            for position in _joined([eta[0], eta[1], eta[2]])
+        )
         found.append(Figure("distance", "distance flown", flown, "m", ".1f"))
     return found
 
@@ -266,8 +299,21 @@ def energy_of(traces: Traces) -> float | None:
     """Return the energy used [J]: the battery's own count, else of voltage and total current."""
     counted = traces.scalar("battery.energy")
     if counted is not None:
-        return float(counted[-1] - counted[0])
+        first, last = picked(counted, np.array([0, len(counted) - 1]))
+        return float(last - first)
     voltage, current = traces.scalar("battery.voltage"), traces.scalar("wrench.current_total")
     if voltage is None or current is None:
         return None
     return energy(traces.time, voltage, current)
+
+
+def write_metrics(folder: str | Path, figures: Iterable[Figure]) -> None:
+    """Write figures of merit into run.json, as `metrics`: value, unit and label by key.
+
+    Raises RecordingError if it cannot be written; the old file then stays.
+    """
+    path = Path(folder) / "run.json"
+    try:
+        write_run_json(path, {**provenance_of(folder), "metrics": metrics_of(figures)})
+    except OSError as error:
+        raise RecordingError(path, error.strerror, "free space on the disk") from None

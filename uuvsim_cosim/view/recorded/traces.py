@@ -13,12 +13,11 @@ from numpy.typing import NDArray
 
 from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.models.declaration.element_names import split_element_name
-from uuvsim_cosim.orchestrator.recording.columns import LazyArrays
-from uuvsim_cosim.orchestrator.recording.recording_reader import read_signals
+from uuvsim_cosim.orchestrator.recording.columns import LazyArrays, column
+from uuvsim_cosim.orchestrator.recording.recording_reader import open_recording
+from uuvsim_cosim.orchestrator.recording.samples import Array, Samples, element, picked
 
 __all__ = ["Array", "Elements", "Traces", "joined", "provenance_of", "traces_of"]
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -28,7 +27,7 @@ class Elements:
     traces: Traces
     name: str
 
-    def __getitem__(self, k: int) -> Array:
+    def __getitem__(self, k: int) -> Samples:
         """Return an element, shape (T,)."""
         return self.traces.element(self.name, k)
 
@@ -36,12 +35,9 @@ class Elements:
         """Return the number of elements."""
         return self.traces.size(self.name)
 
-    def stacked(self, *elements: int) -> Array:
-        """Return some elements as an array of its own, shape (T, number of them)."""
-        stacked = np.empty((len(self.traces.time), len(elements)))
-        for i, k in enumerate(elements):
-            stacked[:, i] = self[k]
-        return stacked
+    def stacked(self, *elements: int, rows: NDArray[np.intp]) -> Array:
+        """Return some elements at some rows in ascending order, shape (rows, elements)."""
+        return np.column_stack([picked(self[k], rows) for k in elements])
 
 
 @dataclass(frozen=True)
@@ -84,16 +80,9 @@ class Traces:
             return None
         return Elements(self, full)
 
-    def element(self, name: str, k: int) -> Array:
+    def element(self, name: str, k: int) -> Samples:
         """Return element `k`, from 0, of a signal by its whole name, shape (T,)."""
-        if isinstance(self.values, LazyArrays):
-            return self.values.element(name, k)
-        return self.values[name].reshape(len(self.time), -1)[:, k]
-
-    def vector(self, name: str, size: int) -> Array | None:
-        """Return the first `size` elements of a signal, shape (T, size), or None."""
-        elements = self.elements(name, size)
-        return None if elements is None else elements.stacked(*range(size))
+        return element(self.values, name, k, len(self.time))
 
     def is_array(self, name: str) -> bool:
         """Return whether a signal is an array, by its whole name."""
@@ -101,7 +90,7 @@ class Traces:
             return self.values.is_array(name)
         return self.values[name].ndim == 2
 
-    def scalar(self, name: str) -> Array | None:
+    def scalar(self, name: str) -> Samples | None:
         """Return a signal of one element, shape (T,), or None."""
         full = self._full_name(name)
         return self.element(full, 0) if full is not None and self.size(full) == 1 else None
@@ -124,12 +113,12 @@ def joined(columns: Mapping[str, Array]) -> dict[str, Array]:
     """Return vectors for columns named x[1] … x[n]; other columns stay as they are."""
     groups: dict[str, dict[tuple[int, ...], Array]] = {}
     values: dict[str, Array] = {}
-    for name, column in columns.items():
+    for name, samples in columns.items():
         whole, indices = split_element_name(name)
         if indices:
-            groups.setdefault(whole, {})[indices] = np.asarray(column, dtype=float)
+            groups.setdefault(whole, {})[indices] = np.asarray(samples, dtype=float)
         else:
-            values[name] = np.asarray(column, dtype=float)
+            values[name] = np.asarray(samples, dtype=float)
     for name, elements in groups.items():
         values[name] = np.column_stack([elements[i] for i in sorted(elements)])
     return values
@@ -137,10 +126,11 @@ def joined(columns: Mapping[str, Array]) -> dict[str, Array]:
 
 def traces_of(folder: str | Path) -> Traces:
     """Return the numeric signals of a run; raises RecordingError if there is no recording."""
-    signals = read_signals(folder)
+    table, signals = open_recording(folder)
     recorded = signals.values_by_name
-    if isinstance(recorded, LazyArrays):
-        return Traces(signals.time, recorded.numbers(), signals.units, signals.element_units)
+    if table is not None and isinstance(recorded, LazyArrays):
+        time = column(table, 0)
+        return Traces(time, recorded.numbers(), signals.units, signals.element_units)
     numbers = {
         name: np.asarray(value, dtype=float)
         for name, value in recorded.items()

@@ -14,8 +14,9 @@ from functools import cached_property
 
 import numpy as np
 
+from uuvsim_cosim.orchestrator.recording.samples import Array, Samples, blocks
 from uuvsim_cosim.view.plots.page import encoded
-from uuvsim_cosim.view.recorded.traces import Array, Traces
+from uuvsim_cosim.view.recorded.traces import Traces
 
 __all__ = ["MOST_ELEMENTS", "PANEL_BINS", "SIGNAL_BYTES", "Bins", "coded", "signal_bins"]
 
@@ -44,7 +45,7 @@ class Bins:
     def edges(self) -> Array:
         """The limits of the intervals; none is shorter than the distance of two samples."""
         low, high = min(t[0] for t in self.times), max(t[-1] for t in self.times)
-        apart = max(float(np.median(np.diff(t))) for t in self.times)
+        apart = max(_apart(t) for t in self.times)
         count = int(np.clip((high - low) / max(apart, 1e-12), 1, self.most))
         return np.asarray(np.linspace(low, high, count + 1), float)
 
@@ -57,22 +58,36 @@ class Bins:
         middle = (self.edges[:-1, None] + width * np.array([0.25, 0.75])).reshape(-1)
         return np.concatenate([self.edges[:1], middle[1:-1], self.edges[-1:]])
 
-    def of(self, value: Array, run: int = 0) -> Array:
+    def of(self, samples: Samples, run: int = 0) -> Array:
         """Return the column of samples (T,) of a run."""
         if self.exact:
-            return value
+            return np.asarray(samples)
         starts = np.searchsorted(self.times[run], self.edges[:-1], side="left")
-        ends = np.append(starts[1:], len(value))
-        some = np.flatnonzero(ends > starts)
-        column = np.full((len(starts), 2), np.nan)
-        if len(some):
-            begins = starts[some]
-            # Samples before the first interval that has some belong to none.
-            low = np.fmin.reduceat(value, begins)
-            high = np.fmax.reduceat(value, begins)
-            falls = value[ends[some] - 1] < value[begins]
-            column[some] = np.where(falls[:, None], np.c_[high, low], np.c_[low, high])
+        ends = np.append(starts[1:], len(samples))
+        low, high, first, last = np.full((4, len(starts)), np.nan)
+        row = 0
+        # Samples before the first interval that has some belong to none.
+        for block in blocks(samples):
+            begins = np.clip(starts - row, 0, len(block))
+            stops = np.clip(ends - row, 0, len(block))
+            some = np.flatnonzero(stops > begins)
+            if len(some):
+                low[some] = np.fmin(low[some], np.fmin.reduceat(block, begins[some]))
+                high[some] = np.fmax(high[some], np.fmax.reduceat(block, begins[some]))
+                begun = some[starts[some] >= row]
+                first[begun] = block[begins[begun]]
+                last[some] = block[stops[some] - 1]
+            row += len(block)
+        falls = last < first
+        column: Array = np.empty((len(starts), 2))
+        column[:, 0], column[:, 1] = np.where(falls, high, low), np.where(falls, low, high)
         return column.reshape(-1)
+
+
+def _apart(time: Array) -> float:
+    """Return the usual distance of two samples [s]: the median of at most 4,096 of them."""
+    rows = np.unique(np.linspace(0, len(time) - 2, 4096).astype(np.intp))
+    return float(np.median(time[rows + 1] - time[rows]))
 
 
 def signal_bins(runs: Sequence[Traces], names: Sequence[str]) -> tuple[Bins, list[str]]:

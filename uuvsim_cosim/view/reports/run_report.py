@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
 from importlib.resources import files
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -14,13 +15,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from uuvsim_cosim.cache import written
-from uuvsim_cosim.errors import InputInvalid, RecordingError
-from uuvsim_cosim.orchestrator.running.run_folder import write_run_json
+from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.view.plots.page import MARKS, encoded, key_html, own_file, page_html
 from uuvsim_cosim.view.plots.plots import Line, Panel, Rows, TimePanel
 from uuvsim_cosim.view.plots.svg import escape
 from uuvsim_cosim.view.plots.track import VESSEL, Track
-from uuvsim_cosim.view.recorded.metrics import Figure, figures, metrics_of
+from uuvsim_cosim.view.recorded.metrics import figures
 from uuvsim_cosim.view.recorded.traces import Array, Traces, provenance_of, traces_of
 from uuvsim_cosim.view.reports.page_data import (
     MOST_ELEMENTS,
@@ -47,7 +47,6 @@ __all__ = [
     "sampled_traces",
     "track_html",
     "waypoints_of",
-    "write_metrics",
     "write_report",
 ]
 
@@ -161,16 +160,27 @@ class Plots:
     def _data(self, panel: Panel, grid: int) -> dict[str, object]:
         """Return a panel as `report.js` reads it; `grid` 1 has the times of recorded signals."""
 
-        def column(value: Array, run: int) -> int:
-            self._columns.append(coded(self._bins[grid].of(value, run)))
+        def column(samples: Array) -> int:
+            self._columns.append(coded(samples))
             return len(self._columns) - 1
 
+        bins = self._bins[grid]
+        panel = replace(
+            panel,
+            lines=[replace(line, value=bins.of(line.value, line.run)) for line in panel.lines],
+        )
+        if isinstance(panel, TimePanel):
+            bands = [
+                replace(band, low=bins.of(band.low), high=bins.of(band.high))
+                for band in panel.bands
+            ]
+            panel = replace(panel, bands=bands)
         found: dict[str, object] = {
             "title": panel.title,
             "unit": "" if panel.unit == "1" else panel.unit,
             "grid": grid,
             "lines": [
-                {"label": line.label, "column": column(line.value, line.run), "run": line.run,
+                {"label": line.label, "column": column(np.asarray(line.value)), "run": line.run,
                  "style": "truth" if isinstance(panel, Rows) else line.style,
                  "digits": line.digits, "dash": line.dashed}
                 for line in panel.lines
@@ -179,8 +189,12 @@ class Plots:
         if isinstance(panel, TimePanel):
             found |= {"down": panel.down, "include": list(panel.include), "span": panel.least_span}
             found["bands"] = [
-                {"label": band.label, "low": column(band.low, 0), "high": column(band.high, 0)}
-                for band in panel.bands
+                {
+                    "label": b.label,
+                    "low": column(np.asarray(b.low)),
+                    "high": column(np.asarray(b.high)),
+                }
+                for b in panel.bands
             ]
             if panel.bands:
                 found["reach"] = panel.limits()
@@ -216,22 +230,13 @@ class Plots:
         for line in panel.lines:
             other = others.get(line.label[2:])
             if line.run == 0 and other is not None:
-                if not np.array_equal(first, second):
-                    other = np.interp(first, second, other, left=np.nan, right=np.nan)
-                lines.append(Line(line.label[2:], other - line.value, line.style, line.digits))
+                if np.array_equal(first, second):
+                    other = np.asarray(other)
+                else:
+                    other = np.interp(first, second, np.asarray(other), left=np.nan, right=np.nan)
+                difference = other - np.asarray(line.value)
+                lines.append(Line(line.label[2:], difference, line.style, line.digits))
         return TimePanel(f"{panel.title}: B − A", panel.unit, lines, include=[0.0])
-
-
-def write_metrics(folder: str | Path, figures: Iterable[Figure]) -> None:
-    """Write figures of merit into run.json, as `metrics`: value, unit and label by key.
-
-    Raises RecordingError if it cannot be written; the old file then stays.
-    """
-    path = Path(folder) / "run.json"
-    try:
-        write_run_json(path, {**provenance_of(folder), "metrics": metrics_of(figures)})
-    except OSError as error:
-        raise RecordingError(path, error.strerror, "free space on the disk") from None
 
 
 def write_report(folder: str | Path, out: str | Path | None = None) -> Path:
@@ -291,8 +296,10 @@ def report_html(
         body.append(f'<div class="lead first">{track_html([("", track)])}<div>{panels}</div></div>')
     if surveyed is not None:
         lines = {"truth": "hull.eta", "estimate": "navigation.eta"}
-        found = {style: traces.vector(name, 2) for style, name in lines.items()}
-        body.append(map_section(surveyed, {k: v for k, v in found.items() if v is not None}))
+        rows = np.arange(0, len(traces.time), max(1, len(traces.time) // 600))
+        found = {style: traces.elements(name, 2) for style, name in lines.items()}
+        tracks = {k: v.stacked(0, 1, rows=rows) for k, v in found.items() if v is not None}
+        body.append(map_section(surveyed, tracks))
     if scene3d is not None:
         moments = MOMENTS // max(1, len(scene3d.bodies) // 4)
         body.append(scene_html(scene3d, motion_of(scene3d, traces, moments)))

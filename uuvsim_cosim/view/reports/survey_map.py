@@ -63,16 +63,15 @@ def map_pictures(made: SeabedMap) -> dict[str, tuple[Pixels, str]]:
 
 
 def map_section(made: SeabedMap, tracks: Mapping[str, Array]) -> str:
-    """Return the section of a report; `tracks` are eta (T, 6) or (T, 2) by style of line."""
+    """Return the section of a report; `tracks` are N and E (n, 2) by style of line."""
     cards = []
     for name, (pixels, words) in map_pictures(made).items():
         data = base64.b64encode(png(np.ascontiguousarray(pixels))).decode("ascii")
         w, over = made.window, ""
         width, height = w.columns * w.cell, w.rows * w.cell
-        for style, eta in tracks.items() if name == "depth" else ():
-            some = eta[:: max(1, len(eta) // 600)]
+        for style, some in tracks.items() if name == "depth" else ():
             at = "L".join(
-                f"{east - w.east:.2f} {w.north + height - north:.2f}" for north, east in some[:, :2]
+                f"{east - w.east:.2f} {w.north + height - north:.2f}" for north, east in some
             )
             over += (f'<path class="line {style}" vector-effect="non-scaling-stroke" fill="none" '
                      f'd="M{at}"/>')  # fmt: skip

@@ -9,7 +9,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uuvsim_cosim.models.declaration.element_names import split_element_name
-from uuvsim_cosim.view.recorded.traces import Array, Traces
+from uuvsim_cosim.orchestrator.recording.samples import (
+    Array,
+    Samples,
+    blocks,
+    computed,
+    picked,
+    track_rows,
+)
+from uuvsim_cosim.view.recorded.traces import Elements, Traces
 from uuvsim_cosim.view.scene3d.scene import Body, Scene3D
 
 __all__ = ["Motion", "echoes", "extent", "motion_of", "quaternions", "turned"]
@@ -36,11 +44,9 @@ class Motion:
 
 
 def motion_of(scene3d: Scene3D, traces: Traces, most: int | None = None) -> Motion:
-    """Return the recorded motion, thinned evenly to at most `most` moments."""
+    """Return the recorded motion, thinned to about `most` moments, as `track_rows` chooses them."""
     n = len(traces.time)
-    picks: slice | NDArray[np.intp] = slice(None)
-    if most is not None and n > most:
-        picks = np.unique(np.linspace(0, n - 1, most).astype(np.intp))
+    picks = np.arange(n) if most is None else _moments(scene3d, traces, most)
     positions, attitudes, thrusts, scales, ranges, estimates = {}, {}, {}, {}, {}, {}
     for body in scene3d.bodies:
         eta = _picked(traces, body.eta, picks)
@@ -57,13 +63,13 @@ def motion_of(scene3d: Scene3D, traces: Traces, most: int | None = None) -> Moti
         columns: list[Array | None] = []
         greatest = LEAST
         for arrow in body.arrows:
-            thrust = _picked(traces, arrow.signal, slice(None))
+            thrust = _column(traces, arrow.signal)
             if thrust is None:
                 columns.append(None)
                 continue
-            known = np.where(np.isfinite(thrust), thrust, 0.0)
-            greatest = max(greatest, float(np.abs(known).max(initial=0.0)))
-            columns.append(known[picks])
+            known = computed(lambda f: np.where(np.isfinite(f), f, 0.0), thrust)
+            greatest = max(greatest, *(float(np.abs(f).max(initial=0.0)) for f in blocks(known)))
+            columns.append(picked(known, picks))
         if n and any(c is not None for c in columns):
             some = np.zeros(len(traces.time[picks]))
             thrusts[body.name] = np.column_stack([some if c is None else c for c in columns])
@@ -87,22 +93,33 @@ def motion_of(scene3d: Scene3D, traces: Traces, most: int | None = None) -> Moti
     return Motion(traces.time[picks], positions, attitudes, thrusts, scales, ranges, estimates)
 
 
-def _picked(traces: Traces, name: str, picks: slice | NDArray[np.intp]) -> Array | None:
+def _moments(scene3d: Scene3D, traces: Traces, most: int) -> NDArray[np.intp]:
+    """Return the rows of the moments that show the track of the first body that was recorded."""
+    n = len(traces.time)
+    for body in scene3d.bodies:
+        if body.eta in traces.values and traces.size(body.eta) >= 6:
+            eta = Elements(traces, body.eta)
+            return track_rows(eta[0], eta[1], most)
+    return np.unique(np.linspace(0, n - 1, min(n, most)).astype(np.intp))
+
+
+def _picked(traces: Traces, name: str, picks: NDArray[np.intp]) -> Array | None:
     """Return some samples of a signal, or of an element ``x[2]`` of one; read by element."""
-    if not name:
-        return None
+    if name in traces.values and traces.is_array(name):
+        return Elements(traces, name).stacked(*range(traces.size(name)), rows=picks)
+    column = _column(traces, name)
+    return None if column is None else picked(column, picks)
+
+
+def _column(traces: Traces, name: str) -> Samples | None:
+    """Return a signal of one element, or an element ``x[2]`` of an array."""
     if name in traces.values:
-        if not traces.is_array(name):
-            return traces.element(name, 0)[picks]
-        found = np.empty((len(traces.time[picks]), traces.size(name)))
-        for k in range(traces.size(name)):
-            found[:, k] = traces.element(name, k)[picks]
-        return found
+        return traces.element(name, 0) if traces.size(name) == 1 else None
     whole, indices = split_element_name(name)
     if whole not in traces.values or not traces.is_array(whole) or len(indices) != 1:
         return None
     k = indices[0]
-    return None if k > traces.size(whole) else traces.element(whole, k - 1)[picks]
+    return None if k > traces.size(whole) else traces.element(whole, k - 1)
 
 
 def quaternions(angles: Array) -> Array:
