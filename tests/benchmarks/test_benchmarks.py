@@ -37,6 +37,7 @@ SHORT: dict[str, str] = {
     "ray_spread": "--workers 1 --runs 2 --steps 128 --repeats 1",
     "rays": "--repeats 1 --rays 20000",
     "readers": "--windows 1 --seconds 0.2 --readers 1",
+    "ros2_latency": "--windows 1 --seconds 0.2",
     "round_trips": "--count 20",
     "snapshot_cost": "--repeats 5",
     "terrain": "CHART --resolution 50",

@@ -98,7 +98,9 @@ def test_waypoints_need_a_guidance_or_mavlink(capsys: pytest.CaptureFixture[str]
     guided = ["serve", "bluerov2_survey", "--until", "0.1", *ANY, "--waypoints", plan()]
     assert status_of(guided) == 0
     assert status_of([*SERVED, "--origin", "1,2"]) == 2
-    assert "applies to --waypoints" in capsys.readouterr().err
+    assert (
+        "expected --waypoints, --mavlink, --ros2 or --foxglove as well" in capsys.readouterr().err
+    )
 
 
 def test_a_run_sends_commands_only_with_arm_real_and_prints_it(

@@ -15,7 +15,7 @@ import numpy as np
 
 from uuvsim_cosim.bridge.calls.service import Client
 from uuvsim_cosim.bridge.foxglove.channels import Message, Output, nanoseconds, outputs_of
-from uuvsim_cosim.bridge.foxglove.georeference import georeference_of
+from uuvsim_cosim.bridge.foxglove.georeference import around, georeference_of
 from uuvsim_cosim.bridge.foxglove.permissions import Permissions
 from uuvsim_cosim.bridge.foxglove.requests import Requests
 from uuvsim_cosim.bridge.ros2.frames import Array
@@ -79,10 +79,12 @@ class FoxgloveServer(Owner):
         permissions: Permissions | None = None,
         *,
         drawing: Drawing | None = None,
+        origin: tuple[float, float] | None = None,
     ) -> None:
         self._sdk = foxglove_sdk()
         given = Permissions() if permissions is None else permissions
         self._conductor, self._drawing = conductor, drawing
+        self._place = None if origin is None else around(*origin)
         self._client = Client("foxglove", "foxglove", given.allowed)
         self._context = self._sdk.Context()
         self._run: _Run | None = None
@@ -143,7 +145,7 @@ class FoxgloveServer(Owner):
     def begin(self, plan: Plan, columns: Sequence[Column]) -> None:
         """Open the channels of a new run; those that do not change stay open."""
         layout = Layout(columns, plan.tick)
-        outputs = outputs_of(plan, layout, georeference_of(plan))
+        outputs = outputs_of(plan, layout, self._place or georeference_of(plan))
         if self._drawing is not None:
             outputs += self._drawing(plan)
         left = {} if self._run is None else dict(self._run.channels)

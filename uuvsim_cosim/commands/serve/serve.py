@@ -110,8 +110,8 @@ def serve_command(
         str | None,
         typer.Option(
             metavar="LAT,LON",
-            help="Place of the local frame's origin: for --waypoints in degrees, --mavlink, and "
-            "GPS fixes of --ros2.",
+            help="Place of the local frame's origin: for --waypoints in degrees, --mavlink, "
+            "--foxglove, and GPS fixes of --ros2.",
         ),
     ] = None,
     arm_real: ArmReal = False,
@@ -231,7 +231,12 @@ def serve_command(
         "rate": rates(rate or []),
         "set": assignments("--set", set_ or [], SET, dotted=True),
     }
-    flown = flown_path(waypoints, origin, shared=ros2 is not None or mavlink is not None)
+    placed = ros2 is not None or mavlink is not None or foxglove
+    if origin is not None and waypoints is None and not placed:
+        raise InputInvalid(
+            f"--origin {origin}", "--waypoints, --mavlink, --ros2 or --foxglove as well"
+        )
+    flown = flown_path(waypoints, origin, shared=placed)
     place = None if flown is None else flown.origin
     if origin is not None:
         place = origin_of(origin)
@@ -293,7 +298,7 @@ def serve_command(
                 line(f"MAVLink {', '.join(server.addresses)}  QGroundControl, pymavlink, MAVSDK")
             _open_servers(stack, conductor, opened, *ports)
             if foxglove_port is not None:
-                _open_foxglove(stack, conductor, opened, foxglove_port)
+                _open_foxglove(stack, conductor, opened, foxglove_port, place)
             if ros2 is not None:
                 _open_node(
                     stack, conductor, ros2, topics, ros2_port, real_time, place,
@@ -401,15 +406,18 @@ def _open_node(
 
 
 def _open_foxglove(
-    stack: ExitStack, conductor: Conductor, opened: ServerSettings, port: int
-) -> None:
+    stack: ExitStack, conductor: Conductor, opened: ServerSettings, port: int,
+    origin: tuple[float, float] | None,
+) -> None:  # fmt: skip
     from uuvsim_cosim.bridge.access.access_file import is_loopback
     from uuvsim_cosim.bridge.foxglove.permissions import foxglove_permissions
     from uuvsim_cosim.bridge.foxglove.server import FoxgloveServer
     from uuvsim_cosim.view.scene3d.foxglove_live import drawing
 
     permissions = foxglove_permissions(opened)
-    server = stack.enter_context(FoxgloveServer(conductor, port, permissions, drawing=drawing))
+    server = stack.enter_context(
+        FoxgloveServer(conductor, port, permissions, drawing=drawing, origin=origin)
+    )
     here = all(map(is_loopback, permissions.hosts))
     who = "every program on this machine" if here else "everybody who reaches it"
     may = "read, set and step it" if "step" in permissions.allowed else "read it"

@@ -33,7 +33,7 @@ GROUPS: dict[str, dict[str, tuple[str, ...]]] = {
     },
     "serve": {
         _SYSTEM: ("--vehicle", "--set", "--replace", "--map", "--force", "--ardusub", "--px4",
-                  "--loops", "--fmu", "--seed"),
+                  "--loops", "--fmu", "--seed", "--origin"),
         _TIME: ("--real-time", "--paused", "--until", "--rate", "--fail-safe"),
         _CONNECTIONS: ("--host", "--port", "--tcp-port", "--http-port"),
         "ROS 2": ("--ros2", "--topics", "--ros2-port"),
