@@ -255,7 +255,8 @@ def test_commands_are_there_before_the_sensors_of_their_tick(
     start = next(m["at"] for m in received(folder, "COMMAND_LONG", api=True))
     modes = [m for m in received(folder, "COMMAND_LONG", api=True) if m["command"] == 176]
     assert [(m["p2"], m["at"] - start) for m in modes] == [(6.0, 0), (7.0, 130_000)]
-    assert [m["z"] for m in received(folder, "SET_POSITION_TARGET_LOCAL_NED", api=True)] == [5.0] * 2
+    wanted = received(folder, "SET_POSITION_TARGET_LOCAL_NED", api=True)
+    assert [m["z"] for m in wanted] == [5.0, 5.0]
 
 
 def test_two_vehicles_have_two_autopilots(
