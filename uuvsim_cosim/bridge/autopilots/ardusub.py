@@ -152,7 +152,7 @@ class ArduSub(Autopilot[JsonLink]):
         assert self._commands is not None
         self._send(timestamp, t)
         x, m = self._inputs, self._motion(timestamp, t)
-        *_, voltage, current, altitude = x[: self._n_state]
+        voltage, current, altitude = x[self._n_state - 3 : self._n_state]
         line = state_line(
             timestamp, m.gyro, m.acc, m.position, x[3:6], x[6:10], m.velocity, altitude, voltage,
             current,

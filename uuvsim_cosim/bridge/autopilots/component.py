@@ -366,9 +366,7 @@ class Autopilot(ABC, Generic[L]):
 
     def _motion(self, timestamp: float, t: float | None) -> Motion:
         """Return the motion of the hull, or of the lowering before the start."""
-        (
-            n, e, d, _, _, _, q1, q2, q3, q4, u1, u2, u3, p, q, r, a1, a2, a3, *_,
-        ) = self._inputs[: self._n_state]  # fmt: skip
+        n, e, d, _, _, _, q1, q2, q3, q4, u1, u2, u3, p, q, r, a1, a2, a3 = self._inputs[:19]
         R, g = rotation((q1, q2, q3, q4)), self._parameters["g"]
         if t is None:
             whole = self._parameters["warm_up"]
