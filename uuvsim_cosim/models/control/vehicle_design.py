@@ -56,6 +56,7 @@ __all__ = [
     "control_design",
     "propelled_speed",
     "thrusters_of",
+    "weight_and_buoyancy",
 ]
 
 Array = NDArray[np.float64]
@@ -328,11 +329,16 @@ def control_design(vehicle: str) -> VehicleDesign:
     )
 
 
-def _carried(vehicle: str, thrusters: Thrusters) -> tuple[str, ...]:
-    """Return a sentence about a large net weight; raises ParameterInvalid for one too large."""
+def weight_and_buoyancy(vehicle: str) -> tuple[float, float]:
+    """Return the weight and the buoyancy [N] of a submerged vehicle, of its parameter set."""
     numbers = {k: q.value for k, q in parameter_set(*split_address(vehicle)).quantities.items()}
     _, W, B, *_ = structure(numbers)
-    weight, buoyancy = float(W), float(B)
+    return float(W), float(B)
+
+
+def _carried(vehicle: str, thrusters: Thrusters) -> tuple[str, ...]:
+    """Return a sentence about a large net weight; raises ParameterInvalid for one too large."""
+    weight, buoyancy = weight_and_buoyancy(vehicle)
     net, largest = weight - buoyancy, float(thrusters.tau_max[2])
     usable = USED * largest
     heavy = net > 0.0
@@ -342,11 +348,12 @@ def _carried(vehicle: str, thrusters: Thrusters) -> tuple[str, ...]:
             return ()
         share = 100 * abs(net) / usable
         return (f"weight: {which}, {share:.2g} % of the usable vertical thrust ({usable:.3g} N)",)
+    numbers = parameter_set(*split_address(vehicle)).quantities
     supply = f" at {VOLTAGE:g} V" if thrusters.model == "thruster_t200" else ""
     neutral = (
         f"W near B, {buoyancy:.4g} N"
         if "W" in numbers
-        else f"m near {buoyancy / numbers['g']:.4g} kg, the mass at neutral buoyancy"
+        else f"m near {buoyancy / numbers['g'].value:.4g} kg, the mass at neutral buoyancy"
     )
     raise ParameterInvalid(
         f"{vehicle}: weight {weight:.4g} N, buoyancy {buoyancy:.4g} N",

@@ -9,7 +9,6 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 from uuvsim_cosim.errors import UuvsimError
-from uuvsim_cosim.models.checks.checks import checks_of
 from uuvsim_cosim.models.declaration.files_read import kept_until_changed
 from uuvsim_cosim.models.declaration.parameter_files import (
     parameter_set,
@@ -39,6 +38,8 @@ def hull_warnings(components: Iterable[PlannedComponent]) -> list[str]:
 
 @kept_until_changed
 def _failed(address: str) -> tuple[str, ...]:
+    from uuvsim_cosim.models.checks.checks import checks_of  # it imports CasADi
+
     id, name = split_address(address)
     try:
         done = list(checks_of(f"{id}@{parameter_set(id, name).name}", {"closed_form"}))
