@@ -1,11 +1,14 @@
 from __future__ import annotations
 
+from pathlib import Path
+from shutil import copytree
 from typing import Any
 
 import numpy as np
 import pytest
 
 import uuvsim_cosim as uuv
+from uuvsim_cosim.content import content
 from uuvsim_cosim.errors import ParameterInvalid
 from uuvsim_cosim.models.control.fin_design import DELAY, OMEGA, Plane, design_fins, fin_margins
 from uuvsim_cosim.models.control.margins import margin_of
@@ -50,6 +53,14 @@ def test_an_emergency_ascent_takes_full_thrust_and_raises_the_bow(lanes: Any) ->
         run.step(k * H, H, ascend=1.0, **level)
     assert float(run["u"][0]) == 1.0
     assert float(run["theta_d"][0]) == pytest.approx(np.radians(25.0))
+
+
+def test_a_weight_that_fins_cannot_carry_is_refused_with_its_figures(tmp_path: Path) -> None:
+    folder = copytree(content("models", "vehicles", "lauv"), tmp_path / "lauv")
+    file = folder / "parameters.yaml"
+    file.write_text(file.read_text("utf-8").replace("m: {value: 18", "m: {value: 36", 1), "utf-8")
+    with pytest.raises(ParameterInvalid, match=r"with 353\.2 N of weight and 177 N of buoyancy"):
+        design_fins(str(folder))
 
 
 def test_a_vehicle_without_fins_is_refused() -> None:

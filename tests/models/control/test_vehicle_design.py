@@ -1,5 +1,6 @@
 """Limits, axes and gains that follow from a vehicle's own files."""
 
+import re
 from collections.abc import Callable
 from pathlib import Path
 from shutil import copytree
@@ -16,6 +17,7 @@ from uuvsim_cosim.models.control.vehicle_design import (
     thrusters_of,
 )
 from uuvsim_cosim.models.declaration.library import declare
+from uuvsim_cosim.models.importing.new_vehicle import write_vehicle
 
 Made = Callable[[list[tuple[list[float], list[float]]]], str]
 
@@ -126,3 +128,44 @@ def test_a_hull_that_nothing_holds_upright_is_refused(tmp_path: Path) -> None:
         InputInvalid, match="pitch: neither controlled by thrusters nor stable by weight"
     ):
         control_design(str(folder))
+
+
+def with_mass(mass: float, folder: Path) -> str:
+    """Write a new vehicle of 20.6 L with a mass [kg]; return its folder."""
+    file = write_vehicle("my_rov", folder) / "parameters.yaml"
+    file.write_text(re.sub(r"m: {value: [\d.]+", f"m: {{value: {mass}", file.read_text(), count=1))
+    return str(file.parent)
+
+
+@pytest.mark.parametrize(
+    ("mass", "said"),
+    [
+        (40.0, r"weight 392.4 N, buoyancy 207.3 N: it sinks, because it is 185 N heavier .* "
+         r"push up with 71.8 N .* at 16 V\); expected m near 21.13 kg"),
+        (5.0, r"it rises, because it is 158 N lighter .* push down with 71.8 N"),
+        (29.0, "it sinks"),
+    ],
+)  # fmt: skip
+def test_a_net_weight_beyond_the_vertical_thrust_is_refused(
+    mass: float, said: str, tmp_path: Path
+) -> None:
+    with pytest.raises(ParameterInvalid, match=said):
+        control_design(with_mass(mass, tmp_path))
+
+
+def test_a_large_net_weight_within_the_vertical_thrust_is_reported(tmp_path: Path) -> None:
+    assert control_design(with_mass(28.0, tmp_path)).remarks == (
+        "weight: 67.4 N heavier than the water that it displaces, 94 % of the usable vertical "
+        "thrust (71.8 N)",
+    )
+    assert control_design("bluerov2_heavy").remarks == ()
+
+
+def test_a_redundant_pair_on_one_line_is_reported(with_thrusters: Made) -> None:
+    g = thrusters_of("bluerov2_heavy").geometry
+    places = [(r, e) for r, e in zip(g.r.tolist(), g.e.tolist(), strict=True)]
+    pair = [([0.2, 0.0, 0.0], [1.0, 0.0, 0.0]), ([-0.2, 0.0, 0.0], [-1.0, 0.0, 0.0])]
+    (remark,) = control_design(with_thrusters([*places, *pair])).remarks
+    assert remark.startswith(
+        "thrusters: 't9' and 't10' push along the same line, against each other; each runs both"
+    )

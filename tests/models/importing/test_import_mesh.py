@@ -202,6 +202,11 @@ def test_a_surface_that_is_no_hull_is_refused_with_its_place() -> None:
         repaired(0.0003 * whole, "b.stl")
 
 
+def test_a_closed_surface_that_is_flat_is_refused() -> None:
+    with pytest.raises(InputInvalid, match=r"encloses no volume .*closed hull with length"):
+        repaired(box(1.0, 1.0, 0.0)[[4, 5, 6, 7]] @ np.diag([1.0, 1.0, 0.0]), "flat.stl")
+
+
 def test_a_file_that_is_no_stl_is_refused_with_what_was_read(tmp_path: Path) -> None:
     whole = binary(tmp_path / "a.stl", box(1.0, 0.6, 0.4))
     (tmp_path / "short.stl").write_bytes(whole.read_bytes()[:-70])

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import math
+import re
 from pathlib import Path
 
 import pytest
 
+from uuvsim_cosim.cli import status_of
 from uuvsim_cosim.errors import InputInvalid, ParameterInvalid
 from uuvsim_cosim.models.declaration.parameter_files import vehicle_ids
+from uuvsim_cosim.models.importing.new_vehicle import write_vehicle
 from uuvsim_cosim.models.vehicles.top_speeds import (
     DIRECTIONS,
     PublishedSpeed,
@@ -105,3 +108,23 @@ def test_published_speeds_have_a_source_and_a_direction() -> None:
 def test_a_vehicle_without_thrusters_is_refused(tmp_path: object) -> None:
     with pytest.raises(ParameterInvalid, match="no thruster geometry"):
         top_speeds(str(tmp_path))
+
+
+def test_a_voltage_without_effect_is_refused_or_reported(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    assert status_of(["models", "speeds", "rexrov", "--voltage", "18"]) == 2
+    assert "the thrust of rexrov does not depend on its supply" in capsys.readouterr().err
+    assert status_of(["models", "speeds", "--voltage", "15"]) == 0
+    assert "note: --voltage 15 has no effect on desistek_saga" in capsys.readouterr().out
+
+
+def test_thrusters_that_cannot_lift_the_vehicle_are_shown_as_too_weak(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = write_vehicle("my_rov", tmp_path) / "parameters.yaml"
+    file.write_text(re.sub(r"m: {value: [\d.]+", "m: {value: 40", file.read_text("utf-8"), count=1))
+    assert status_of(["models", "speeds", str(file.parent)]) == 0
+    shown = capsys.readouterr().out
+    assert shown.count("too weak") == 2
+    assert "too weak: the largest force of the thrusters that way is less than the net" in shown

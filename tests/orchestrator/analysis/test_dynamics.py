@@ -126,6 +126,7 @@ def test_a_plan_keeps_its_distance_and_its_bounds(driven: uuv.System) -> None:
         ({"end": {"tau[1]": 1.0}}, "is no state"),
         ({"end": {"nu": [1.0, 2.0]}}, "6 finite numbers"),
         ({"cost": "time"}, "the time is fixed"),
+        ({"cost": "fuel"}, "cost: 'fuel'; expected 'effort', 'time', or a function"),
         ({"end": {"eta[1]": 1e6}}, "IPOPT ended with .*an end that can be reached"),
     ],
 )

@@ -2,6 +2,7 @@
 
 import math
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 import pytest
@@ -124,6 +125,25 @@ def test_an_input_that_cannot_be_is_refused_and_leaves_nothing(
     Path("bad.csv").write_text("time,echo.fre[1]\n0,0\n")
     with pytest.raises(InputInvalid, match=said):
         run(system, until=0.5, out="r", inputs=[text])
+    assert not Path("r").exists()
+
+
+@pytest.mark.parametrize("backend", ["native", "fmu"])
+def test_a_value_beyond_the_range_of_a_free_input_is_refused_before_the_run(
+    backend: Literal["native", "fmu"], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    system = System("s", "0.01").add("thruster", "model:thruster_t200")
+    Path("volts.csv").write_text("time,thruster.voltage\n0,16\n1,16.8\n2,18\n3,30\n4,5\n")
+    for text, said in (
+        ("volts.csv", r"volts.csv, row 3 \(t = 2 s\): thruster.voltage: 18 V is out of range, and "
+         r"2 more rows; expected a value in \[12, 16.8\] V"),
+        ("thruster.voltage:step,value=30", r"thruster.voltage: 30 V is out of range"),
+        ("thruster.voltage:step,value=14,until=2", r"thruster.voltage: 0 V is out of range"),
+        ("thruster.u:prbs,amplitude=2,hold=1", r"thruster.u: 2 is out of range; .* \[-1, 1\]"),
+    ):  # fmt: skip
+        with pytest.raises(InputInvalid, match=said):
+            run(system, until=0.5, out="r", inputs=[text], backend=backend)
     assert not Path("r").exists()
 
 

@@ -8,7 +8,8 @@ from typing import Annotated
 import typer
 
 from uuvsim_cosim.commands.shared.completion import models
-from uuvsim_cosim.commands.shared.terminal import Shown, line, table
+from uuvsim_cosim.commands.shared.terminal import Shown, line, remark, table
+from uuvsim_cosim.errors import InputInvalid
 
 __all__ = ["speeds_command"]
 
@@ -37,18 +38,35 @@ def speeds_command(
         vehicle_ids,
         vehicle_sets,
     )
-    from uuvsim_cosim.models.vehicles.top_speeds import DIRECTIONS, published_speeds, top_speeds
+    from uuvsim_cosim.models.vehicles.top_speeds import (
+        DIRECTIONS,
+        depends_on_voltage,
+        published_speeds,
+        top_speeds,
+    )
 
     if vehicle is None:
         addresses = [f"{id}@{parameter_set(id).name}" for id in vehicle_ids()]
     else:
         id, name = split_address(vehicle)
         addresses = [f"{id}@{s}" for s in ([name] if name else vehicle_sets(id))]
-    found = {a: {s.direction: s.speed for s in top_speeds(a, voltage)} for a in addresses}
+    deaf = [] if voltage is None else [a for a in addresses if not depends_on_voltage(a)]
+    if deaf and deaf == addresses:
+        raise InputInvalid(
+            f"--voltage {voltage:g}: the thrust of {vehicle} does not depend on its supply",
+            "no --voltage; it applies to thrusters with bench rows, as those of bluerov2",
+        )
+    full = {a: {s.direction: s for s in top_speeds(a, voltage)} for a in addresses}
+    found = {a: {d: s.speed for d, s in full[a].items()} for a in addresses}
     line("steady speed at full command [m/s], held level; -: no thruster pushes that way")
+    if any(s.force > 1e-9 and s.speed == 0 for by in full.values() for s in by.values()):
+        line("too weak: the largest force of the thrusters that way is less than the net weight")
+    if deaf:
+        remark("note", f"--voltage {voltage:g} has no effect on {', '.join(deaf)}: the thrust does "
+               "not depend on the supply")  # fmt: skip
     table(
         ("vehicle", *DIRECTIONS),
-        [(a, *(_speed(speeds[d]) for d in DIRECTIONS)) for a, speeds in found.items()],
+        [(a, *(_speed(full[a][d].speed, full[a][d].force) for d in DIRECTIONS)) for a in found],
         key="speeds",
     )
     rows: list[tuple[str | Shown, ...]] = []
@@ -76,8 +94,8 @@ def speeds_command(
     )
 
 
-def _speed(speed: float) -> Shown:
-    """Return a speed as it is shown: - where no thruster pushes."""
+def _speed(speed: float, force: float = 0.0) -> Shown:
+    """Return a speed as it is shown: - where no thruster pushes, "too weak" where one does."""
     if math.isnan(speed):
         return Shown(None, "unlimited")
-    return Shown(speed, f"{speed:.2f}" if speed else "-")
+    return Shown(speed, f"{speed:.2f}" if speed else "too weak" if force > 1e-9 else "-")

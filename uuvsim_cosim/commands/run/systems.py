@@ -133,12 +133,16 @@ def new(
         raise InputInvalid(target, "it exists already", "another name, or --out FILE.ssd")
     from dataclasses import replace
 
+    from uuvsim_cosim.orchestrator.plan.flatten import flatten
     from uuvsim_cosim.orchestrator.shipped.of_vehicle import system_of
     from uuvsim_cosim.orchestrator.ssp.ssd import write_ssd
 
     made = system_of(vehicle or name, mission)  # type: ignore[arg-type]  # it refuses others
     first, *others = made.remarks
+    warned = [w for w in flatten(made).warnings if w not in made.notes]
     line(first)
+    for text in warned:
+        remark("warning", text)
     for text in others:
         remark("note" if text.startswith("margins") else "assumed", text)
     own = "".join(c if c.isalnum() else "_" for c in Path(name).name)

@@ -37,6 +37,7 @@ from uuvsim_cosim.models.actuators.propeller import read_propeller
 from uuvsim_cosim.models.actuators.thruster_geometry import thruster_geometry
 from uuvsim_cosim.models.analysis.operating_point import Coordinates
 from uuvsim_cosim.models.control.margins import LoopMargin, margin_of
+from uuvsim_cosim.models.control.vehicle_design import weight_and_buoyancy
 from uuvsim_cosim.models.declaration.files_read import shared_until_changed
 from uuvsim_cosim.models.declaration.library import declare
 from uuvsim_cosim.models.declaration.parameter_files import (
@@ -388,8 +389,10 @@ class _Plant:
                 break
             slowest = float(V)
         if slowest > 0.9 * top:
+            weight, buoyancy = weight_and_buoyancy(self.vehicle)
             raise ParameterInvalid(
-                f"{self.vehicle}: level flight",
+                f"{self.vehicle}: level flight with {weight:.4g} N of weight and {buoyancy:.4g} N "
+                "of buoyancy",
                 f"needs more than {TRIM_SHARE:g} of the fins' deflection below {0.9 * top:.2g} m/s",
                 "larger fins, or buoyancy nearer to weight",
             )

@@ -12,6 +12,9 @@ and `share`, 0.2 at first, falls until every loop has a phase margin of 45° and
 6 dB with the lag of the thrusters and 0.04 s of delay (one loop is opened, the others are closed).
 If roll or pitch is passive, the loops have to be stable too while the vehicle dives or rises at a
 fifth of its top speed: a fast surge loop and a passive pitch upset each other there.
+
+The commands stay within 0.9 of the largest force. A net weight (weight less buoyancy) beyond that
+in heave is refused, because the vehicle sinks or rises whatever the controller does.
 """
 
 from __future__ import annotations
@@ -44,7 +47,7 @@ from uuvsim_cosim.models.declaration.parameter_files import (
     vehicle_folder,
     vehicle_size,
 )
-from uuvsim_cosim.models.hull.matrices import nominal
+from uuvsim_cosim.models.hull.matrices import nominal, structure
 
 __all__ = [
     "AXES",
@@ -53,12 +56,15 @@ __all__ = [
     "control_design",
     "propelled_speed",
     "thrusters_of",
+    "weight_and_buoyancy",
 ]
 
 Array = NDArray[np.float64]
 AXES = ("surge", "sway", "heave", "roll", "pitch", "yaw")
 DELAY = 0.04  # s, from a measurement to the command: half a period of 0.02 s and three steps
 VOLTAGE = 16.0  # V, of a T200
+USED = 0.9  # of the largest force, at most
+NET_SHARE = 0.25  # of the usable vertical force; a larger net weight is listed
 ANGLES = (0.1, 0.1, 0.15)  # rad, wanted largest errors of roll, pitch and yaw
 PHASE, GAIN = 45.0, 2.0  # deg and 1, least margins
 
@@ -94,8 +100,10 @@ class Thrusters:
         for i in range(n):
             for j in range(i):
                 a, b = self.T[:, i], self.T[:, j]
-                if np.allclose(a, b, atol=1e-6) or np.allclose(a, -b, atol=1e-6):
-                    return f"{names[j]!r} and {names[i]!r} push along the same line"
+                same, opposed = (np.allclose(a, s * b, atol=1e-6) for s in (1.0, -1.0))
+                if same or opposed:
+                    against = ", against each other" * opposed
+                    return f"{names[j]!r} and {names[i]!r} push along the same line{against}"
         return ""
 
 
@@ -114,6 +122,7 @@ class VehicleDesign:
     top_speed: Array  # of each axis at tau_max [m/s, rad/s]
     stable_speed: float  # m/s ahead, up to which the poles of the loops stay stable
     M: Array
+    remarks: tuple[str, ...]  # on the vehicle: a large net weight, thrusters along one line
     assumed: tuple[str, ...]
 
 
@@ -220,7 +229,8 @@ def control_design(vehicle: str) -> VehicleDesign:
     """Design the gains of `lqr` for a `vehicle` (``id`` or ``id@set``) with thrusters.
 
     Weights, limits and margins are as this file's first paragraphs say. Raises ParameterInvalid if
-    surge, heave or yaw is not controlled, or if roll or pitch is neither controlled nor stable.
+    surge, heave or yaw is not controlled, if roll or pitch is neither controlled nor stable, or if
+    the vertical thrust cannot carry the net weight.
     """
     import control
 
@@ -234,6 +244,12 @@ def control_design(vehicle: str) -> VehicleDesign:
             f"no force in {' and '.join(AXES[i] for i in lacking)} alone{because}",
             "thrusters (or fins) that make these",
         )
+    carried = _carried(vehicle, thrusters)
+    spare = (
+        (f"thrusters: {thrusters.together}; each runs both ways, so one of them is redundant",)
+        if thrusters.together
+        else ()
+    )
     id, set_ = split_address(vehicle)
     length, assumed = _length(vehicle)
     hull = declare("vehicle", id=id, surface=False, **({"set": set_} if set_ else {}))
@@ -257,7 +273,7 @@ def control_design(vehicle: str) -> VehicleDesign:
         full_A[row, z + kept.index(axis)] = 1.0
     largest = np.concatenate([np.full(3, 0.4 * length), ANGLES])
     share = np.full(6, 0.2)
-    tau_max = 0.9 * thrusters.tau_max
+    tau_max = USED * thrusters.tau_max
     top = _top_speed(vehicle, tau_max)
     diving = 0.2 * float(top[2])
     for _ in range(30):
@@ -308,7 +324,43 @@ def control_design(vehicle: str) -> VehicleDesign:
         top_speed=top,
         stable_speed=_stable_speed(hull, K, float(top[0]), free),
         M=M,
+        remarks=(*carried, *spare),
         assumed=words,
+    )
+
+
+def weight_and_buoyancy(vehicle: str) -> tuple[float, float]:
+    """Return the weight and the buoyancy [N] of a submerged vehicle, of its parameter set."""
+    numbers = {k: q.value for k, q in parameter_set(*split_address(vehicle)).quantities.items()}
+    _, W, B, *_ = structure(numbers)
+    return float(W), float(B)
+
+
+def _carried(vehicle: str, thrusters: Thrusters) -> tuple[str, ...]:
+    """Return a sentence about a large net weight; raises ParameterInvalid for one too large."""
+    weight, buoyancy = weight_and_buoyancy(vehicle)
+    net, largest = weight - buoyancy, float(thrusters.tau_max[2])
+    usable = USED * largest
+    heavy = net > 0.0
+    which = f"{abs(net):.3g} N {'heavier' if heavy else 'lighter'} than the water that it displaces"
+    if abs(net) <= usable:
+        if abs(net) <= NET_SHARE * usable:
+            return ()
+        share = 100 * abs(net) / usable
+        return (f"weight: {which}, {share:.2g} % of the usable vertical thrust ({usable:.3g} N)",)
+    numbers = parameter_set(*split_address(vehicle)).quantities
+    supply = f" at {VOLTAGE:g} V" if thrusters.model == "thruster_t200" else ""
+    neutral = (
+        f"W near B, {buoyancy:.4g} N"
+        if "W" in numbers
+        else f"m near {buoyancy / numbers['g'].value:.4g} kg, the mass at neutral buoyancy"
+    )
+    raise ParameterInvalid(
+        f"{vehicle}: weight {weight:.4g} N, buoyancy {buoyancy:.4g} N",
+        f"it {'sinks' if heavy else 'rises'}, because it is {which}, and its thrusters push "
+        f"{'up' if heavy else 'down'} with {usable:.3g} N ({100 * USED:.0f} % of the largest "
+        f"vertical force both ways, {largest:.3g} N{supply})",
+        f"{neutral}, or stronger vertical thrusters",
     )
 
 

@@ -33,6 +33,7 @@ __all__ = [
 
 Array = NDArray[np.float64]
 LEAST, MOST = 0.02, 150.0  # m, of the longest side of a hull
+FLAT = 1e-7  # of the longest side cubed: a smaller volume is that of single-precision rounding
 _WELD = 1e-6  # of the longest side: corners nearer than this are one
 
 
@@ -121,6 +122,14 @@ def repaired(triangles: Array, place: str) -> Mesh:
             "a closed hull (fill the hole where the mesh was made)",
         )
     faces, turned = _outwards(corners, faces, place)
+    own = corners[faces] - corners.mean(axis=0)
+    volume = np.einsum("ni,ni->", own[:, 0], np.cross(own[:, 1], own[:, 2])) / 6.0
+    if volume <= FLAT * longest**3:
+        raise InputInvalid(
+            place,
+            f"the surface encloses no volume ({volume:.3g} m3 at {longest:.3g} m length)",
+            "a closed hull with length, breadth and height",
+        )
     if turned:
         notes.append(
             f"{turned} of {len(faces)} triangles were turned inside out: flipped, so that every "

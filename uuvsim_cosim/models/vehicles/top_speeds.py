@@ -39,7 +39,14 @@ from uuvsim_cosim.models.declaration.parameter_files import (
 from uuvsim_cosim.models.vehicles.closed_forms import total_mass
 from uuvsim_cosim.models.vehicles.vehicle_figures import FASTEST, submerged_force
 
-__all__ = ["DIRECTIONS", "PublishedSpeed", "TopSpeed", "published_speeds", "top_speeds"]
+__all__ = [
+    "DIRECTIONS",
+    "PublishedSpeed",
+    "TopSpeed",
+    "depends_on_voltage",
+    "published_speeds",
+    "top_speeds",
+]
 
 Array = NDArray[np.float64]
 
@@ -69,7 +76,8 @@ class TopSpeed:
     """The steady speed of a vehicle in one direction at full command, level attitude.
 
     `force` [N] is the largest force of the thrusters along the direction at rest, 0 if none
-    pushes there. `speed` [m/s] is then 0 as well; it is nan if it is above `FASTEST`.
+    pushes there. `speed` [m/s] is then 0 as well, and also if the force is less than the net
+    weight; it is nan if it is above `FASTEST`.
     """
 
     direction: str
@@ -119,6 +127,16 @@ def top_speeds(address: str, voltage: float | None = None) -> tuple[TopSpeed, ..
         return TopSpeed(direction, float(brentq(net, 0.0, FASTEST)), at_rest)
 
     return tuple(map(found, DIRECTIONS))
+
+
+def depends_on_voltage(vehicle: str) -> bool:
+    """Return whether the thrust of a vehicle depends on its supply: only that of bench rows does.
+
+    >>> depends_on_voltage("bluerov2"), depends_on_voltage("rexrov")
+    (True, False)
+    """
+    file = thrusters_file(vehicle_folder(split_address(vehicle)[0]) / "thrusters.yaml")
+    return str(file.get("model", "")) == "thruster_t200"
 
 
 def published_speeds(vehicle: str) -> tuple[PublishedSpeed, ...]:

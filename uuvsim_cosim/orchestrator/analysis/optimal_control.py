@@ -102,6 +102,12 @@ def collocate(
             f"optimal control: {d.name}: a component samples",
             "continuous components: hull, thrusters, water; the plan replaces the controller",
         )
+    if cost not in ("effort", "time") and not callable(cost):
+        raise InputInvalid(
+            "optimal control: cost",
+            f"{cost!r}",
+            "'effort', 'time', or a function of the named values that returns the running cost",
+        )
     if intervals < 1:
         raise InputInvalid("optimal control", f"{intervals} intervals", "1 or more")
     problem = _Problem(d, until, inputs or {}, intervals)

@@ -9,6 +9,7 @@ from fractions import Fraction
 from uuvsim_cosim.errors import Problem, SystemInvalid
 from uuvsim_cosim.fmus.description import Variable
 from uuvsim_cosim.orchestrator.plan.algebraic_loops import apply_loop_policy, iteration_obstacles
+from uuvsim_cosim.orchestrator.plan.hull_checks import hull_warnings
 from uuvsim_cosim.orchestrator.plan.initialization import initialization_order
 from uuvsim_cosim.orchestrator.plan.plan import Group, Plan, PlannedComponent, Transfer
 from uuvsim_cosim.orchestrator.plan.seeds import component_seeds
@@ -67,7 +68,7 @@ def flatten(system: System, seed: int = 0, loops: Loops | None = None) -> Plan:
         transfers=transfers,
         groups=flat_.groups(),
         initialization=initialization_order(flat_.components, transfers),
-        warnings=(*system.notes, *map(str, mixed)),
+        warnings=(*system.notes, *map(str, mixed), *hull_warnings(flat_.components)),
         loops=system.loops if loops is None else loops,
         start=Fraction(str(system.start_time)),
     )

@@ -36,7 +36,7 @@ from uuvsim_cosim.models.declaration.parameter_files import (
 )
 from uuvsim_cosim.orchestrator.plan.plan import PlannedComponent
 
-__all__ = ["vehicle_mismatches"]
+__all__ = ["hull_address", "vehicle_mismatches"]
 
 # Components whose preset holds forces, which fit only the preset's vehicle, whatever `vehicle` is.
 GAINS = frozenset({"backstepping", "controller", "sliding_mode"})
@@ -136,13 +136,19 @@ def _hull(c: PlannedComponent) -> _Figures | None:
 
 @kept_until_changed
 def _declared_hull(source: str) -> _Figures | None:
+    address = hull_address(source)
+    return None if address is None else _figures(address)
+
+
+def hull_address(source: str) -> str | None:
+    """Return the vehicle, as id, id@set or folder, of a hull's source; None for another model."""
     name, options = _parts(source)
     if name == "vehicle":
         name, options = options.get("id", ""), {"id": options.get("set", "")}
     elif name in LIBRARY or not is_vehicle(name):
         return None
     set_ = options.get("set", options.get("id", ""))
-    return _figures(f"{name}@{set_}" if set_ else name)
+    return f"{name}@{set_}" if set_ else name
 
 
 def _made_for(c: PlannedComponent) -> list[tuple[str, _Figures]]:

@@ -6,16 +6,19 @@ during the step that begins there; a value added to a signal is seen at that poi
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import final
+from typing import Any, final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from uuvsim_cosim.errors import InputInvalid, RecordingError
 from uuvsim_cosim.fmus.description import Description, Variable
 from uuvsim_cosim.fmus.importer.input_csv import read_input_csv
+from uuvsim_cosim.fmus.values import range_text
 from uuvsim_cosim.orchestrator.master.faults import Fault
 from uuvsim_cosim.orchestrator.master.master import Master
 from uuvsim_cosim.orchestrator.master.real_time import Steps
@@ -57,7 +60,7 @@ def read_inputs(texts: Sequence[str], plan: Plan) -> tuple[Drive, ...]:
 
     The columns of a file are ``time`` [s] and such names. Raises InputInvalid for a text that
     cannot be read, and for a variable that does not exist, is connected but has no "+", or is
-    given twice.
+    given twice, and for a value of an unconnected input that is outside of its [min, max].
     """
     connected = _connected(plan)
     found: list[Drive] = []
@@ -128,8 +131,33 @@ def _of_file(path: Path, plan: Plan) -> list[Drive]:
             lambda t, s=s: np.asarray(s.at(t)).item(),  # type: ignore[misc]
             f"{path.name}, {between} between its rows, held outside {end}",
         )  # fmt: skip
+        if not d.added and len(beyond := np.flatnonzero(_beyond(variable, s.values))):
+            k = int(beyond[0])
+            more = f", and {len(beyond) - 1} more rows" if len(beyond) > 1 else ""
+            raise _refused(
+                d, f"{path}, row {k + 1} (t = {s.time[k]:g} s)", s.values[k].item(), more
+            )
         drives.append(replace(d, note=f"input {d.name} in {_unit(d)}: {d.note}"))
     return drives
+
+
+def _beyond(variable: Variable, values: NDArray[Any]) -> NDArray[np.bool_]:
+    """Return which values are outside of a variable's [min, max]."""
+    beyond = np.zeros(values.shape, dtype=bool)
+    if variable.min is not None:
+        beyond |= values < variable.min
+    if variable.max is not None:
+        beyond |= values > variable.max
+    return beyond
+
+
+def _refused(d: Drive, place: str, value: object, more: str = "") -> InputInvalid:
+    unit = f" {_unit(d)}" if _unit(d) != "1" else ""
+    return InputInvalid(
+        f"{place}: {d.name}",
+        f"{value:g}{unit} is out of range{more}" if isinstance(value, float) else f"{value}{more}",
+        f"a value in {range_text(d.variable)}{unit}",
+    )
 
 
 def _of_waveform(text: str, plan: Plan) -> list[Drive]:
@@ -151,6 +179,11 @@ def _of_waveform(text: str, plan: Plan) -> list[Drive]:
             lambda t, k=size: k * wave.of(t),  # type: ignore[misc]
             "",
         )  # fmt: skip
+        # A step ends at 0; the other waveforms swing about it.
+        ends = [] if math.isinf(wave.until) else [0.0]
+        reached = np.array([size, *ends] if wave.kind == "step" else [size, -size])
+        if not added and len(wrong := reached[_beyond(point.variable, reached)]):
+            raise _refused(d, f"--input {text}", wrong[0].item())
         drives.append(replace(d, note=f"input {d.name} in {_unit(d)}: {rest}"))
     return drives
 

@@ -275,7 +275,7 @@ def _remarks(id: str, mission: str, flight: Flight, vehicle: str, senses: bool) 
         told = margin_words(fin_margins(design_fins(vehicle)))
     else:
         design = control_design(vehicle)
-        told = [*margin_words(design.margins), *design.assumed]
+        told = [*design.remarks, *margin_words(design.margins), *design.assumed]
     told += flight.assumed
     told.append(f"battery: 18 Ah, {CELLS[thrusters.model]} cells in series")
     if senses:
