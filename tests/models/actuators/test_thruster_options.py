@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy import signal
 
-from uuvsim_cosim.errors import InputInvalid
+from uuvsim_cosim.errors import InputInvalid, ParameterInvalid
 from uuvsim_cosim.models.actuators.faults import thruster_faults
 from uuvsim_cosim.models.actuators.thruster import SHAFTS
 from uuvsim_cosim.models.analysis.simulate import Trajectory, simulate
@@ -160,3 +160,10 @@ def test_a_thruster_gives_all_until_its_fault_and_its_share_afterwards() -> None
     np.testing.assert_allclose(run["thrust"][:, 1], [-20, -20, -8, -8])
     np.testing.assert_allclose(run["thrust"][:, 2], 30)
     np.testing.assert_allclose(run["health"][-1], [0.0, 0.4, 1.0])
+
+
+def test_an_unknown_bench_lists_those_that_there_are() -> None:
+    with pytest.raises(
+        ParameterInvalid, match="bench=foo: no such bench rows; expected t200, t200_"
+    ):
+        declare("thruster_t200", bench="foo")

@@ -7,7 +7,7 @@ import pytest
 
 from uuvsim_cosim.content import content
 from uuvsim_cosim.errors import InputInvalid, ParameterInvalid
-from uuvsim_cosim.models.actuators.thruster_geometry import thruster_geometry
+from uuvsim_cosim.models.actuators.thruster_geometry import read_thrusters, thruster_geometry
 from uuvsim_cosim.models.declaration.library import LIBRARY, available, declare
 from uuvsim_cosim.models.declaration.parameter_files import (
     parameter_set,
@@ -153,6 +153,23 @@ def test_the_library_lists_what_it_declares() -> None:
 def test_a_vehicle_without_thrusters_is_refused_by_name() -> None:
     with pytest.raises(ParameterInvalid, match="no thruster geometry of 'glider'"):
         thruster_geometry("glider")
+
+
+def test_a_vehicles_folder_without_thrusters_names_the_file_that_is_missing(tmp_path: Path) -> None:
+    (tmp_path / "parameters.yaml").write_text("vehicle: hull alone")
+    with pytest.raises(
+        ParameterInvalid, match=r"thrusters\.yaml: no such file, so the vehicle has"
+    ):
+        thruster_geometry(str(tmp_path))
+
+
+def test_a_word_in_a_place_is_one_mistake(tmp_path: Path) -> None:
+    text = content("models", "vehicles", "bluerov2_heavy", "thrusters.yaml").read_text()
+    path = tmp_path / "thrusters.yaml"
+    path.write_text(text.replace("r: {value: [0.156,", 'r: {value: ["a",', 1))
+    with pytest.raises(ParameterInvalid, match="'a' is not of type 'number'") as caught:
+        read_thrusters(path)
+    assert str(caught.value).count("thrusters.yaml:") == 1
 
 
 def test_a_direction_that_is_not_of_length_one_is_refused_with_its_line(tmp_path: Path) -> None:

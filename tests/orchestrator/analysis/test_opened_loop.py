@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 
+import casadi as ca
 import numpy as np
 import pytest
 
@@ -50,12 +52,31 @@ def slow() -> Model:
     return m
 
 
+def motors() -> Model:
+    """Two integrators behind a command with a dead band of 0.25, and one that ignores its command.
+
+    The first is in the middle of its dead band, the second one moves.
+    """
+    m = Model("motors")
+    u = m.input("u", 3, unit="1", min=-1, max=1)
+    x = m.state("x", (0.1, 0.8, 0.0), unit="m")
+    beyond = [ca.if_else(ca.fabs(v) > 0.25, v, 0.0) for v in (u[0], u[1])]
+    m.der(x, ca.vertcat(*beyond, 0.0))
+    clock = m.clock("sample", str(T))
+    held = m.discrete("held", (0.0, 0.0, 0.0), unit="1")
+    m.update(clock, held, -x)
+    m.output("y", held, unit="1", discrete=True)
+    return m
+
+
 class PartSource(ModelSource):
     """A declaration of this file: ``part:law?2``."""
 
     def declaration(self) -> Model:
         name, _, gain = self.text.removeprefix("part:").partition("?")
-        return law(float(gain)) if gain else {"law": law, "tank": tank, "slow": slow}[name]()
+        if gain:
+            return law(float(gain))
+        return {"law": law, "tank": tank, "slow": slow, "motors": motors}[name]()
 
 
 @pytest.fixture(autouse=True)
@@ -171,6 +192,29 @@ def test_a_signal_without_a_loop_is_refused() -> None:
         opened_loops(system, "law.u", 0.0)
     with pytest.raises(InputInvalid, match="at = -1"):
         opened_loops(system, "law.u", -1.0)
+
+
+def test_elements_without_a_loop_are_left_out_with_their_reason() -> None:
+    system = uuv.System("two", str(T)).add("motors", "part:motors").connect("motors.y", "motors.u")
+    loops, without = opened_loops(system, "motors.y", 0.2)
+    assert [loop.signal for loop in loops] == ["motors.y[2]"]
+    assert without["motors.y[3]"] == "it is in no loop"
+    assert re.match(
+        r"no gain after 0\.2 s: motors\.x\[1\] does not change with motors\.y\[1\] = -0\.1 "
+        r"between -0\.25 and 0\.25, as in a dead band; .*--at",
+        without["motors.y[1]"],
+    )
+    with pytest.raises(InputInvalid, match=r"motors\.y\[1\]: no gain after 0\.2 s"):
+        opened_loops(system, "motors.y[1]", 0.2)
+
+
+def test_the_axes_at_rest_of_a_vehicle_with_t200_are_left_out_of_its_analysis() -> None:
+    loops, without = opened_loops(uuv.system_of("bluerov2"), "controller.tau_d", 20.0)
+    assert [loop.signal[-2] for loop in loops] == ["3", "4"]
+    assert "thruster_1.shaft does not change with allocation.u[1]" in without["controller.tau_d[6]"]
+    assert "between -0.07 and 0.07" in without["controller.tau_d[6]"]
+    assert "nor do thruster_2, thruster_3, thruster_4" in without["controller.tau_d[6]"]
+    assert without["controller.tau_d[5]"] == "it is in no loop"
 
 
 def test_a_connection_through_a_table_is_refused() -> None:

@@ -1,5 +1,6 @@
 """A component that is made for another vehicle than its hull is refused."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -33,6 +34,21 @@ def test_a_survey_is_resolved_by_a_survey() -> None:
     found = refused(load("bluerov2_survey").replace("hull", "model:rexrov"))
     assert all("`uuvsim run survey --vehicle rexrov`" in text for text in found.values())
     assert "thruster 1 at (0.156, 0.111, 0.085) m, not (-0.8909" in found["allocation"]
+
+
+def test_a_survey_of_another_name_is_resolved_by_a_survey() -> None:
+    """`uuvsim systems new` names the system after its vehicle, not after its mission."""
+    survey = replace(load("bluerov2_survey"), name="my_rov")
+    found = refused(survey.replace("hull", "model:pool8"))
+    assert "wrench" in found
+    assert all("`uuvsim run survey --vehicle pool8`" in text for text in found.values())
+
+
+def test_a_bare_hull_has_no_mission() -> None:
+    system = System("bare", "0.01").add("hull", "model:pool8").add("wrench", "model:wrench")
+    text = refused(system.connect("wrench.tau", "hull.tau"))["wrench"]
+    assert "expected one with vehicle=pool8, as in model:wrench?vehicle=pool8" in text
+    assert "uuvsim run" not in text
 
 
 def test_a_system_that_allows_mismatches_is_warned_of_each() -> None:

@@ -76,3 +76,12 @@ def test_a_voltage_beyond_the_rows_is_refused_where_it_is_set(volts: float) -> N
 def test_a_battery_that_begins_beyond_the_rows_is_refused(tmp_path: Path) -> None:
     with pytest.raises(uuv.UuvsimError, match=r"t.voltage: value 18.9"):
         uuv.run(supplied("t200", n_cells=4.5), until=0.1, out=tmp_path / "r", backend="native")
+
+
+def test_a_voltage_that_is_refused_at_the_start_names_its_unit_and_its_source(
+    tmp_path: Path,
+) -> None:
+    with pytest.raises(
+        uuv.UuvsimError, match=r"t\.voltage: value 21\.0; .* V; battery\.voltage gives"
+    ):
+        uuv.run(supplied("t200", n_cells=5), until=1, out=tmp_path / "r", backend="native")

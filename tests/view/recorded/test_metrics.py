@@ -103,6 +103,16 @@ def test_the_batterys_own_count_of_energy_is_preferred() -> None:
     assert energy_of(Traces(time, {**values, "battery.energy": 7.0 * time})) == pytest.approx(70.0)
 
 
+def test_thrusters_without_an_electrical_model_have_no_energy() -> None:
+    """At rest they use none, which is a figure."""
+    time = np.linspace(0.0, 10.0, 11)
+    values = {"battery.energy": 0.0 * time, "thruster_1.thrust": 0.0 * time}
+    assert energy_of(Traces(time, values)) == 0.0
+    pushing = Traces(time, {**values, "thruster_2.thrust": np.ones(11)})
+    assert energy_of(pushing) is None
+    assert figures(pushing, None) == []
+
+
 def test_figures_name_only_what_was_recorded() -> None:
     time = np.arange(3.0)
     assert figures(Traces(time, {"tank.level": time}), None) == []

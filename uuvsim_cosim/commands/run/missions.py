@@ -40,7 +40,7 @@ class _Flown:
     rms: float
     largest: float
     depth: float
-    energy: float
+    energy: float | None  # of thrusters with an electrical model
     done: str
 
 
@@ -108,7 +108,8 @@ def _row(
     gain, phase = smallest(loops)
     numbers = [number(x, ".3f") for x in (f.rms, f.largest, f.depth)]
     speed = number(flight.figures["speed"], "g")
-    return (vehicle, label, kind, speed, *numbers, number(f.energy, ".2f"),
+    used = "-" if f.energy is None else number(f.energy, ".2f")
+    return (vehicle, label, kind, speed, *numbers, used,
             number(gain, ".1f"), number(phase, ".0f"), number(cpu, ".0f"), f.done)  # fmt: skip
 
 
@@ -116,16 +117,18 @@ def _errors(run: Run, flight: Flight) -> _Flown:
     """Return the errors of a flight: after its first quarter, or along the legs of a survey."""
     import numpy as np
 
-    from uuvsim_cosim.view.recorded.metrics import path_end, tracking
+    from uuvsim_cosim.view.recorded.metrics import energy_of, path_end, tracking
     from uuvsim_cosim.view.recorded.traces import traces_of
 
     signals = run.signals()
     eta = signals["hull.eta"]
-    energy = float(signals["battery.energy"][-1]) / 3600.0
+    traces = traces_of(run.folder)
+    used = energy_of(traces)
+    energy = None if used is None else used / 3600.0
     path = np.asarray(flight.waypoints)
     done = "yes" if signals["guidance.done"][-1] else "no" if flight.radius is None else "-"
     if flight.kind == "survey":
-        end = path_end(traces_of(run.folder))
+        end = path_end(traces)
         found = tracking(np.asarray(signals.time), eta.T, path, None, end)
         depth = eta[:end, 2] - path[0, 2]
         return _Flown(found.rms, found.max, float(np.sqrt(np.mean(depth**2))), energy, done)

@@ -82,8 +82,12 @@ def analyse_command(
     edited = edited_system(system, None, changes, None, None, vehicle, force)
     from uuvsim_cosim.orchestrator.analysis.opened_loop import opened_loops
 
-    loops = opened_loops(edited, break_, at)
+    loops, without = opened_loops(edited, break_, at)
     _show(loops, at)
+    put("without_loop", without)
+    for why in dict.fromkeys(without.values()):
+        names = ", ".join(name for name, reason in without.items() if reason == why)
+        remark("note", f"left out: {names}: {why}")
     if out is not None:
         out.mkdir(parents=True, exist_ok=True)
         file_table(_write(loops, f"{edited.name}: loop opened at {break_}, after {at:g} s", out))

@@ -58,8 +58,11 @@ class Bench:
 
 @shared_until_changed
 def read_bench(id: str) -> Bench:
-    """Read the bench rows of a thruster in models/thrusters/<id>."""
+    """Read the bench rows of a thruster in models/thrusters/<id>; raises ParameterInvalid."""
     path = content("models", "thrusters", id, "bench.yaml")
+    if not path.is_file():
+        known = sorted(p.parent.name for p in content("models", "thrusters").glob("*/bench.yaml"))
+        raise ParameterInvalid(f"bench={id}", "no such bench rows", ", ".join(known))
     data = read_yaml(path, "bench.schema.json")
     neutral, span = float(data["neutral"]["value"]), float(data["span"]["value"])
     units = [str(c["unit"]) for c in data["columns"]]

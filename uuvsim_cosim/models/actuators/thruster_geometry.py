@@ -42,6 +42,7 @@ from uuvsim_cosim.models.declaration.parameter_files import (
 )
 
 __all__ = [
+    "NO_THRUSTERS",
     "OF_VEHICLE",
     "Geometry",
     "configuration_matrix",
@@ -51,6 +52,12 @@ __all__ = [
     "thruster_geometry",
     "thrusters_file",
 ]
+
+# What is wrong with a vehicle's folder without thrusters.yaml, and what is expected.
+NO_THRUSTERS = (
+    "no such file, so the vehicle has no thrusters and no propeller",
+    "one with the place and the direction of each (docs/vehicles/add_a_vehicle.md)",
+)
 
 # The components that take a set of numbers of thrusters.yaml, by their option `vehicle`.
 OF_VEHICLE = ("thruster", "thruster_t200", "thruster_jet")
@@ -79,6 +86,8 @@ def thruster_geometry(vehicle: str) -> Geometry:
         vehicle, _ = split_address(vehicle)
         folder = vehicle_folder(vehicle) if is_vehicle(vehicle) else Path(vehicle)
         path = folder / "thrusters.yaml"
+        if (folder / "parameters.yaml").is_file() and not path.is_file():
+            raise ParameterInvalid(path, *NO_THRUSTERS)
     if not path.is_file():
         known = sorted(
             p.parent.name for p in content("models", "vehicles").glob("*/thrusters.yaml")
@@ -130,7 +139,9 @@ def _mistakes(path: Path, data: Any) -> Iterator[tuple[int, str]]:
         name, vectors = str(item.get("name", i + 1)), {}
         for key, unit in (("r", "m"), ("e", "1")):
             try:
-                if len(item[key]["value"]) == 3:  # else the schema says so, as below
+                entry = item[key]["value"]
+                # Other lengths, and entries that are no numbers, are mistakes of the schema.
+                if len(entry) == 3 and all(isinstance(x, int | float) for x in entry):
                     vectors[key] = _vector(item[key], unit)
             except (KeyError, TypeError):
                 continue

@@ -29,6 +29,7 @@ from numpy.typing import NDArray
 from uuvsim_cosim.errors import InputInvalid, ParameterInvalid
 from uuvsim_cosim.models.actuators.propeller import read_propeller
 from uuvsim_cosim.models.actuators.thruster_geometry import (
+    NO_THRUSTERS,
     Geometry,
     configuration_matrix,
     thruster_geometry,
@@ -135,11 +136,7 @@ def thrusters_of(vehicle: str) -> Thrusters:
     id, _ = split_address(vehicle)
     file = vehicle_folder(id) / "thrusters.yaml"
     if not file.is_file():
-        raise ParameterInvalid(
-            file,
-            "no such file, so the vehicle has no thrusters and no propeller",
-            "one with the place and the direction of each (docs/vehicles/add_a_vehicle.md)",
-        )
+        raise ParameterInvalid(file, *NO_THRUSTERS)
     geometry = thruster_geometry(id)
     T = configuration_matrix(geometry)
     model, forward, backward, lag, assumed = _full_command(vehicle, thrusters_file(file))

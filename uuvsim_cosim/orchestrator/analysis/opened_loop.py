@@ -28,6 +28,7 @@ from scipy.optimize import brentq, minimize_scalar
 from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.models.declaration.near_names import did_you_mean
 from uuvsim_cosim.orchestrator.analysis.system_map import SystemMap
+from uuvsim_cosim.orchestrator.analysis.zero_gain import ZeroGain
 from uuvsim_cosim.orchestrator.plan.flatten import flatten
 from uuvsim_cosim.orchestrator.system.system import System
 
@@ -230,12 +231,15 @@ class OpenedLoop:
         return np.arange(count + 1, dtype=float) * self.tick, -y
 
 
-def opened_loops(system: System, signal: str, at: float = 20.0) -> list[OpenedLoop]:
+def opened_loops(
+    system: System, signal: str, at: float = 20.0
+) -> tuple[list[OpenedLoop], dict[str, str]]:
     """Return the loop at each element of a signal, opened alone, `at` seconds after the start.
 
-    The signal is an output ("controller.tau_d": all its connections are cut), or an input
-    ("hull.tau[3]": only its own connection). Raises InputInvalid if it does not exist, if it is not
-    connected, or if no loop passes through it.
+    The second result is the reason for each element that has no loop, by its name. The signal is an
+    output ("controller.tau_d": all its connections are cut), or an input ("hull.tau[3]": only its
+    own connection). Raises InputInvalid if it does not exist, if it is not connected, or if no
+    loop passes through any of its elements.
     """
     m = SystemMap(flatten(system), "analyse")
     names, links = _elements(m, signal)
@@ -244,10 +248,11 @@ def opened_loops(system: System, signal: str, at: float = 20.0) -> list[OpenedLo
     places = [m.links[of_element[0]].source for of_element in links]
     sums = np.zeros((len(m.cut), len(names)))  # which links belong to which element
     sums[np.arange(len(m.cut)), np.repeat(np.arange(len(names)), [len(e) for e in links])] = 1.0
-    steps = []
+    steps, points = [], []
     for k in range(first, first + m.period):
         j = m.jacobian(k, x, u)
         steps.append((j.A.tocsr(), j.late @ sums, j.early @ sums))
+        points.append((k, x, j))
         x = m.advance(k, x, u)
     if any(np.any(early[places]) for _, _, early in steps):
         raise InputInvalid(
@@ -255,10 +260,31 @@ def opened_loops(system: System, signal: str, at: float = 20.0) -> list[OpenedLo
             f"one element, such as {names[0]}",
         )
     units = _units(m, places)
-    return [
-        _alone(name, unit, float(m.plan.tick), steps, places, i)
-        for i, (name, unit) in enumerate(zip(names, units, strict=True))
-    ]
+    zero_gain = ZeroGain(m, points, u)
+    loops, without = [], {}
+    for i, (name, unit) in enumerate(zip(names, units, strict=True)):
+        closed = _alone(steps, places, i)
+        kept = _in_the_loop(closed, places[i])
+        if len(kept):
+            reduced = tuple((A[kept][:, kept], b[kept], e[kept]) for A, b, e in closed)
+            place = int(np.searchsorted(kept, places[i]))
+            loops.append(OpenedLoop(name, unit, float(m.plan.tick), reduced, place))
+            continue
+        reached = _influenced(closed)
+        reached[places[i]] = True
+        if ends := zero_gain.after(reached):
+            without[name] = (
+                f"no gain after {at:g} s: {ends}; choose a time at which it acts (--at), or set a "
+                "current, as in --set hull.v_c=[0.2,0.1,0]"
+            )
+        else:
+            without[name] = "it is in no loop"
+    if not loops:
+        raise InputInvalid(
+            "analyse: " + "; ".join(f"{name}: {why}" for name, why in without.items()),
+            "a signal that acts on itself",
+        )
+    return loops, without
 
 
 def _elements(m: SystemMap, signal: str) -> tuple[list[str], list[list[int]]]:
@@ -299,14 +325,9 @@ def _units(m: SystemMap, places: Sequence[int]) -> list[str]:
 
 
 def _alone(
-    name: str,
-    unit: str,
-    tick: float,
-    steps: Sequence[tuple[Any, Array, Array]],
-    places: Sequence[int],
-    i: int,
-) -> OpenedLoop:
-    """Return the loop of element i with those of all other elements closed again."""
+    steps: Sequence[tuple[Any, Array, Array]], places: Sequence[int], i: int
+) -> list[tuple[Any, Array, Array]]:
+    """Return the steps with element i opened and those of all other elements closed again."""
     others = [j for j in range(len(places)) if j != i]
     n = steps[0][0].shape[0]
     C = sparse.csr_matrix(
@@ -318,34 +339,32 @@ def _alone(
         back = sparse.csr_matrix(early[:, others]) @ C
         A_1 = A + sparse.csr_matrix(late[:, others]) @ C
         closed.append(((A_1 + back @ A_1).tocsr(), late[:, i] + back @ late[:, i], early[:, i]))
-    kept = _in_the_loop(closed, places[i])
-    if not len(kept):
-        raise InputInvalid(
-            f"analyse: {name}",
-            "is in no loop, or its loop has no gain at this time, as in a thruster's dead band",
-            "a signal that acts on itself, other elements of it, or another time (--at)",
-        )
-    reduced = tuple((A[kept][:, kept], b[kept], e[kept]) for A, b, e in closed)
-    return OpenedLoop(name, unit, tick, reduced, int(np.searchsorted(kept, places[i])))
+    return closed
 
 
 def _in_the_loop(steps: Sequence[tuple[Any, Array, Array]], place: int) -> NDArray[np.int64]:
     """Return the states that depend on the cut signal and act on it, in order."""
-    n = steps[0][0].shape[0]
-    follows = sparse.csr_matrix((n, n), dtype=bool)
-    fed = np.zeros(n, dtype=bool)
-    for A, b, e in steps:
-        follows = follows + (abs(A) > 0)
-        fed |= (b != 0) | (e != 0)
-
-    def spread(seen: NDArray[np.bool_], graph: Any) -> NDArray[np.bool_]:
-        while True:
-            wider = seen | (graph @ seen)
-            if np.array_equal(wider, seen):
-                return seen
-            seen = wider
-
-    acts = np.zeros(n, dtype=bool)
+    acts = np.zeros(steps[0][0].shape[0], dtype=bool)
     acts[place] = True
-    both = spread(fed, follows) & spread(acts, follows.T)
+    both = _influenced(steps) & _spread(acts, _follows(steps).T)
     return np.flatnonzero(both) if both[place] else np.zeros(0, dtype=np.int64)
+
+
+def _influenced(steps: Sequence[tuple[Any, Array, Array]]) -> NDArray[np.bool_]:
+    """Return which states depend on the cut signal."""
+    fed = np.any([(b != 0) | (e != 0) for _, b, e in steps], axis=0)
+    return _spread(fed, _follows(steps))
+
+
+def _follows(steps: Sequence[tuple[Any, Array, Array]]) -> Any:
+    """Return which state (row) depends on which (column) in one of the steps."""
+    n = steps[0][0].shape[0]
+    return sum((abs(A) > 0 for A, _, _ in steps), sparse.csr_matrix((n, n), dtype=bool))
+
+
+def _spread(seen: NDArray[np.bool_], graph: Any) -> NDArray[np.bool_]:
+    while True:
+        wider = seen | (graph @ seen)
+        if np.array_equal(wider, seen):
+            return seen
+        seen = wider

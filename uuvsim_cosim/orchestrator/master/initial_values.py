@@ -60,14 +60,13 @@ def set_inputs(components: Sequence[Component], transfers: Iterable[Transfer]) -
         try:
             components[i].set(variable, flat.reshape(variable.shape) if variable.shape else flat[0])
         except FmuError as error:
-            reasons = ""  # the outputs that feed the input with values that are not finite
+            reasons = f" {variable.unit}" if variable.unit else ""
             for t in transfers:
                 source, signal = components[t.source], t.source_variable.name
                 values = read[t.source, signal]
-                if (t.target, t.target_variable.name) == (i, name) and (
-                    values.dtype.kind == "f" and not np.all(np.isfinite(values))
-                ):
-                    why = nan_explanation(source, signal)
+                if (t.target, t.target_variable.name) == (i, name):
+                    finite = values.dtype.kind != "f" or np.all(np.isfinite(values))
+                    why = "" if finite else nan_explanation(source, signal)
                     reasons += f"; {source.path}.{signal} gives it{why}"
             raise FmuError(f"{error}{reasons}") from None
 

@@ -65,13 +65,12 @@ def vehicle_mismatches(name: str, components: Iterable[PlannedComponent]) -> lis
     """Return a problem for each component that is made for another vehicle than its hull.
 
     A component is compared with the hulls of its own (nested) system, and has to fit one of them.
-    `name` is the system's: a survey's problems name the survey of the hull's vehicle.
+    `name` is the system's, which may name its mission.
     """
     levels: dict[str, list[PlannedComponent]] = {}
     for c in components:
         levels.setdefault(c.path.rpartition(".")[0], []).append(c)
     found: list[Problem] = []
-    mission = "survey" if "survey" in name else "hold"
     for members in levels.values():
         hulls = {c.path: hull for c in members if (hull := _hull(c)) is not None}
         if not hulls:
@@ -82,13 +81,27 @@ def vehicle_mismatches(name: str, components: Iterable[PlannedComponent]) -> lis
                 differences = [_difference(made, hull) for hull in hulls.values()]
                 if all(differences):
                     here = f"{path} is {first.address}" if first.address else f"{path} is another"
-                    own = f"`uuvsim run {mission} --vehicle {first.address}`"
-                    expected = own if first.address else "one for that hull"
+                    expected = _resolved(name, members, first.address)
                     found.append(
                         Problem(c.path, f"{what}{made.address}, but {here}: {differences[0]}",
                                 expected)
                     )  # fmt: skip
     return found
+
+
+def _resolved(name: str, members: Iterable[PlannedComponent], address: str) -> str:
+    """Return what resolves a mismatch with the hull of `address`: the mission that is flown now.
+
+    A survey is one by its name or by its navigation. A system without guidance flies no mission.
+    """
+    if not address:
+        return "one for that hull"
+    modules = [LIBRARY.get(_parts(c.source)[0], "") for c in members if ":" in c.source]
+    if "survey" in name or any(".navigation." in m for m in modules):
+        return f"`uuvsim run survey --vehicle {address}`"
+    if any(".guidance." in m for m in modules):
+        return f"`uuvsim run hold --vehicle {address}`"
+    return f"one with vehicle={address}, as in model:wrench?vehicle={address}"
 
 
 def _difference(made: _Figures, hull: _Figures) -> str:

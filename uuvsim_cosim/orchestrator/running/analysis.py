@@ -110,9 +110,9 @@ def analyse(system: str | Path | System, signal: str, at: float = 20.0) -> list[
     all of whose connections are opened, or an input such as ``hull.tau``, of which only its own
     connection is opened; whole, or one element, ``controller.tau_d[3]``. The equations are
     linearised around the run of the closed system at `at` [s], without noise, with samples and
-    communication delays. Angles are in rad. Raises InputInvalid for a signal that does not exist,
-    is not connected or is in no loop, and for components whose equations are not known (FMUs,
-    Python classes).
+    communication delays. Elements that have no loop are left out, so read `signal` of each loop.
+    Angles are in rad. Raises InputInvalid for a signal that does not exist, is not connected or has
+    no loop at any element, and for components whose equations are not known (FMUs, Python classes).
 
     Example:
 
@@ -123,7 +123,7 @@ def analyse(system: str | Path | System, signal: str, at: float = 20.0) -> list[
     """
     from uuvsim_cosim.orchestrator.analysis.opened_loop import opened_loops
 
-    return opened_loops(system if isinstance(system, System) else load(system), signal, at)
+    return opened_loops(system if isinstance(system, System) else load(system), signal, at)[0]
 
 
 def dynamics(

@@ -296,15 +296,25 @@ def metrics_of(figures: Iterable[Figure]) -> dict[str, dict[str, str | float | N
 
 
 def energy_of(traces: Traces) -> float | None:
-    """Return the energy used [J]: the battery's own count, else of voltage and total current."""
+    """Return the energy used [J]: the battery's own count, else of voltage and total current.
+
+    None if neither is recorded, or if thrusters push without energy: then they have no electrical
+    model, such as a propeller whose torque is not published.
+    """
     counted = traces.scalar("battery.energy")
+    voltage, current = traces.scalar("battery.voltage"), traces.scalar("wrench.current_total")
     if counted is not None:
         first, last = picked(counted, np.array([0, len(counted) - 1]))
-        return float(last - first)
-    voltage, current = traces.scalar("battery.voltage"), traces.scalar("wrench.current_total")
-    if voltage is None or current is None:
+        used = float(last - first)
+    elif voltage is None or current is None:
         return None
-    return energy(traces.time, voltage, current)
+    else:
+        used = energy(traces.time, voltage, current)
+    thrusts = (traces.scalar(n) for n in traces.values if n.endswith(".thrust"))
+    pushed = used == 0.0 and any(
+        np.any(picked(t, np.arange(len(traces.time)))) for t in thrusts if t is not None
+    )
+    return None if pushed else used
 
 
 def write_metrics(folder: str | Path, figures: Iterable[Figure]) -> None:
