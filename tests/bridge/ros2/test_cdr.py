@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from uuvsim_cosim.bridge.ros2.cdr import MessageLayout
-from uuvsim_cosim.bridge.ros2.conversions import CONVERSIONS, GENERIC
+from uuvsim_cosim.bridge.ros2.messages.conversions import CONVERSIONS, GENERIC
 from uuvsim_cosim.bridge.ros2.topic_writer import DISTRIBUTIONS, typestore
 from uuvsim_cosim.errors import InputInvalid
 

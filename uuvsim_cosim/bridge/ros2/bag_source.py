@@ -24,7 +24,7 @@ from urllib.parse import parse_qsl, urlencode
 import numpy as np
 
 from uuvsim_cosim.bridge.ros2.frames import Array
-from uuvsim_cosim.bridge.ros2.readings import READINGS, Reading, field_values
+from uuvsim_cosim.bridge.ros2.messages.readings import READINGS, Reading, field_values
 from uuvsim_cosim.bridge.ros2.topic_writer import typestore
 from uuvsim_cosim.errors import InputInvalid, UuvsimError
 from uuvsim_cosim.fmus.component import Component

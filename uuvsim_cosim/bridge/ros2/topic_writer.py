@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from uuvsim_cosim.bridge.ros2.cdr import MessageLayout
-from uuvsim_cosim.bridge.ros2.conversion import Conversion, Shape, Values
-from uuvsim_cosim.bridge.ros2.conversions import CONVERSIONS, sensor_figures
 from uuvsim_cosim.bridge.ros2.facts import Facts
 from uuvsim_cosim.bridge.ros2.frames import Array
+from uuvsim_cosim.bridge.ros2.messages.conversion import Conversion, Shape, Values
+from uuvsim_cosim.bridge.ros2.messages.conversions import CONVERSIONS, sensor_figures
 from uuvsim_cosim.bridge.ros2.rows import Block
 from uuvsim_cosim.bridge.ros2.topics import Topic
 from uuvsim_cosim.errors import InputInvalid

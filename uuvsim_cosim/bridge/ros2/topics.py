@@ -15,9 +15,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import NamedTuple
 
-from uuvsim_cosim.bridge.ros2.conversion import ANY
-from uuvsim_cosim.bridge.ros2.conversions import CONVERSIONS, GENERIC
 from uuvsim_cosim.bridge.ros2.facts import Facts, is_position_sensor
+from uuvsim_cosim.bridge.ros2.messages.conversion import ANY
+from uuvsim_cosim.bridge.ros2.messages.conversions import CONVERSIONS, GENERIC
 from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.models.declaration.modeline import headed
 from uuvsim_cosim.models.declaration.near_names import expected_names

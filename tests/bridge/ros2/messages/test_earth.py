@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from uuvsim_cosim.bridge.ros2.earth import geodetic, geodetic_of_grid
+from uuvsim_cosim.bridge.ros2.messages.earth import geodetic, geodetic_of_grid
 from uuvsim_cosim.commands.shared.waypoints import local_of
 
 

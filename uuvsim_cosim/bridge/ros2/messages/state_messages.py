@@ -11,8 +11,8 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from uuvsim_cosim.bridge.ros2.conversion import ANY, Conversion, Shape, Values
 from uuvsim_cosim.bridge.ros2.frames import Array
+from uuvsim_cosim.bridge.ros2.messages.conversion import ANY, Conversion, Shape, Values
 
 __all__ = ["STATE_CONVERSIONS"]
 

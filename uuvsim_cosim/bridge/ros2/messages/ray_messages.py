@@ -13,8 +13,8 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from uuvsim_cosim.bridge.ros2.conversion import ANY, Conversion, Shape, Values
 from uuvsim_cosim.bridge.ros2.frames import Array, body
+from uuvsim_cosim.bridge.ros2.messages.conversion import ANY, Conversion, Shape, Values
 from uuvsim_cosim.models.declaration.kinematics import R_zyx
 
 __all__ = ["RAY_CONVERSIONS"]

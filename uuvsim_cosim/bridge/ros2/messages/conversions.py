@@ -12,8 +12,6 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from uuvsim_cosim.bridge.ros2.conversion import Conversion, Values, diagonal
-from uuvsim_cosim.bridge.ros2.earth import geodetic, geodetic_of_grid
 from uuvsim_cosim.bridge.ros2.frames import (
     Array,
     body,
@@ -22,8 +20,10 @@ from uuvsim_cosim.bridge.ros2.frames import (
     world,
     world_variance,
 )
-from uuvsim_cosim.bridge.ros2.ray_messages import RAY_CONVERSIONS
-from uuvsim_cosim.bridge.ros2.state_messages import STATE_CONVERSIONS
+from uuvsim_cosim.bridge.ros2.messages.conversion import Conversion, Values, diagonal
+from uuvsim_cosim.bridge.ros2.messages.earth import geodetic, geodetic_of_grid
+from uuvsim_cosim.bridge.ros2.messages.ray_messages import RAY_CONVERSIONS
+from uuvsim_cosim.bridge.ros2.messages.state_messages import STATE_CONVERSIONS
 
 __all__ = ["CONVERSIONS", "GENERIC", "sensor_figures"]
 
