@@ -11,6 +11,7 @@ import pytest
 import zenoh
 
 from tests.bridge.ros2.ros_side import GID, STORE, Said, call, dds, made, ros, tokens
+from tests.bridge.waiting import PATIENCE
 from uuvsim_cosim.bridge.calls.service import Client
 from uuvsim_cosim.bridge.ros2.interfaces import add_service, with_services
 from uuvsim_cosim.bridge.ros2.node import Ros2Node
@@ -123,7 +124,7 @@ def test_a_request_that_cannot_be_read_is_refused_and_reported_once(
     for _ in range(2):
         [reply] = opened.peer.get(
             f"0/bluerov2_hold/reset/{dds(TRIGGER)}/{STORE.hash_rihs01(TRIGGER)}",
-            payload=payload, attachment=attachment, timeout=10.0,
+            payload=payload, attachment=attachment, timeout=PATIENCE,
         )  # fmt: skip
         assert reply.err is not None
         assert words in reply.err.payload.to_string()
