@@ -34,7 +34,6 @@ from uuvsim_cosim.bridge.ros2.inputs import Input, inputs_of, read_inputs
 from uuvsim_cosim.bridge.ros2.node import Ros2Node
 from uuvsim_cosim.bridge.ros2.receiver import system_of
 from uuvsim_cosim.bridge.server.conductor import Conductor
-from uuvsim_cosim.bridge.zenoh.bridge import free_port
 from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.orchestrator.system.resolve import register
 
@@ -80,9 +79,7 @@ def node_of(
 ) -> Iterator[tuple[Ros2Node, zenoh.Session, Said]]:
     said = Said()
     with (
-        Ros2Node(
-            conductor, topics=topics, domain=0, port=free_port("127.0.0.1"), report=said, **options
-        ) as node,
+        Ros2Node(conductor, topics=topics, domain=0, port=0, report=said, **options) as node,
         ros(node.port) as peer,
     ):
         yield node, peer, said

@@ -21,7 +21,6 @@ from uuvsim_cosim.bridge.ros2.node import Ros2Node
 from uuvsim_cosim.bridge.ros2.rmw_zenoh import attachment, gid
 from uuvsim_cosim.bridge.ros2.topic_writer import typestore
 from uuvsim_cosim.bridge.server.conductor import Conductor
-from uuvsim_cosim.bridge.zenoh.bridge import free_port
 from uuvsim_cosim.bridge.zenoh.session import listening
 from uuvsim_cosim.errors import InputInvalid
 
@@ -55,7 +54,7 @@ class Heard:
 
 
 def test_a_session_finds_the_node_and_its_publishers_by_their_tokens(conductor: Conductor) -> None:
-    with Ros2Node(conductor, port=free_port("127.0.0.1"), domain=7) as node:
+    with Ros2Node(conductor, port=0, domain=7) as node:
         assert node.is_router
         with ros(node.port) as session:
             found = tokens(session)
@@ -79,7 +78,7 @@ def test_a_subscriber_gets_messages_of_its_type_with_number_time_and_publisher(
     conductor: Conductor,
 ) -> None:
     store, heard, clock = typestore("jazzy"), Heard(), Heard()
-    with Ros2Node(conductor, port=free_port("127.0.0.1"), domain=0) as node, ros(node.port) as peer:
+    with Ros2Node(conductor, port=0, domain=0) as node, ros(node.port) as peer:
         subscribed = [
             peer.declare_subscriber(f"0/imu/data_raw/sensor_msgs::msg::dds_::Imu_/{HASH}", heard),
             peer.declare_subscriber("0/clock/**", clock),
@@ -102,7 +101,7 @@ def test_a_subscriber_gets_messages_of_its_type_with_number_time_and_publisher(
 
 def test_a_later_subscriber_gets_the_frames_of_the_sensors(conductor: Conductor) -> None:
     heard = Heard()
-    with Ros2Node(conductor, port=free_port("127.0.0.1"), domain=0) as node, ros(node.port) as peer:
+    with Ros2Node(conductor, port=0, domain=0) as node, ros(node.port) as peer:
         subscribed = ext.declare_advanced_subscriber(
             peer, "0/tf_static/**", heard, history=ext.HistoryConfig(detect_late_publishers=True)
         )
@@ -117,13 +116,13 @@ def test_a_later_subscriber_gets_the_frames_of_the_sensors(conductor: Conductor)
 def test_a_client_of_the_router_describes_its_vehicle_to_a_later_subscriber(
     conductor: Conductor,
 ) -> None:
-    port, heard = free_port("127.0.0.1"), Heard()
+    heard = Heard()
     boat = uuv.System("boat", "0.1").add("hull", "model:bluerov2_heavy")
     with (
         Conductor(boat) as other,
-        Ros2Node(other, port=port, domain=1),
-        Ros2Node(conductor, port=port, domain=0) as node,
-        ros(port) as peer,
+        Ros2Node(other, port=0, domain=1) as router,
+        Ros2Node(conductor, port=router.port, domain=0) as node,
+        ros(router.port) as peer,
     ):
         assert not node.is_router
         subscribed = ext.declare_advanced_subscriber(
@@ -143,7 +142,7 @@ def test_a_subscriber_gets_clouds_and_diagnostics_of_a_sonar() -> None:
     system = uuv.System("sonar", "0.1").add("sonar", "model:multibeam?beams=5")
     with (
         Conductor(system) as conductor,
-        Ros2Node(conductor, port=free_port("127.0.0.1"), domain=0) as node,
+        Ros2Node(conductor, port=0, domain=0) as node,
         ros(node.port) as peer,
     ):
         kept = [
@@ -166,9 +165,9 @@ def names(session: zenoh.Session) -> set[str]:
 
 
 def test_two_nodes_share_one_router_and_one_goes_without_the_other(conductor: Conductor) -> None:
-    port = free_port("127.0.0.1")
     boat = uuv.System("boat", "0.1").add("hull", "model:bluerov2_heavy")
-    with Ros2Node(conductor, port=port, domain=0) as first, Conductor(boat) as other:
+    with Ros2Node(conductor, port=0, domain=0) as first, Conductor(boat) as other:
+        port = first.port
         with Ros2Node(other, port=port, domain=0) as second, ros(port) as session:
             assert (first.is_router, second.is_router) == (True, False)
             until(lambda: names(session) == {"bluerov2_survey", "boat"})
@@ -177,8 +176,7 @@ def test_two_nodes_share_one_router_and_one_goes_without_the_other(conductor: Co
 
 
 def test_humble_has_no_hashes(conductor: Conductor) -> None:
-    port = free_port("127.0.0.1")
-    with Ros2Node(conductor, "humble", port=port, domain=0), ros(port) as session:
+    with Ros2Node(conductor, "humble", port=0, domain=0) as node, ros(node.port) as session:
         found = [t for t in tokens(session) if "/MP/" in t]
     assert found
     assert {t.split("/")[11] for t in found} == {"TypeHashNotSupported"}
@@ -186,7 +184,7 @@ def test_humble_has_no_hashes(conductor: Conductor) -> None:
 
 def test_a_reset_keeps_the_publishers(conductor: Conductor) -> None:
     heard = Heard()
-    with Ros2Node(conductor, port=free_port("127.0.0.1"), domain=0) as node, ros(node.port) as peer:
+    with Ros2Node(conductor, port=0, domain=0) as node, ros(node.port) as peer:
         subscribed = peer.declare_subscriber("0/hull/odometry/**", heard)
         heard.wait(lambda: conductor.step(ME, 10, {}, ()))
         before = tokens(peer)
@@ -207,7 +205,7 @@ def test_after_a_reset_a_sensor_is_published_from_the_start(conductor: Conductor
         if times[-1] < max(times):
             later.set()
 
-    with Ros2Node(conductor, port=free_port("127.0.0.1"), domain=0) as node, ros(node.port) as peer:
+    with Ros2Node(conductor, port=0, domain=0) as node, ros(node.port) as peer:
         subscribed = peer.declare_subscriber("0/imu/data_raw/**", heard)
         for _ in range(600):
             conductor.step(ME, 100, {}, ())
@@ -247,14 +245,14 @@ def test_a_domain_that_is_none_is_refused(
 ) -> None:
     monkeypatch.setenv("ROS_DOMAIN_ID", "233")
     with pytest.raises(InputInvalid, match=r"ROS_DOMAIN_ID '233'; expected a number from 0 to 232"):
-        Ros2Node(conductor, port=free_port("127.0.0.1"))
+        Ros2Node(conductor, port=0)
 
 
 def test_another_node_of_the_same_name_is_reported_once(conductor: Conductor) -> None:
-    said, port = Said(), free_port("127.0.0.1")
+    said = Said()
     with (
-        Ros2Node(conductor, port=port, domain=0, report=said) as node,
-        Ros2Node(conductor, port=port, domain=0, commands=False) as other,
+        Ros2Node(conductor, port=0, domain=0, report=said) as node,
+        Ros2Node(conductor, port=node.port, domain=0, commands=False) as other,
     ):
         assert said.next() == (
             "/bluerov2_survey: another node in domain 0 has this name; expected one node of a "
@@ -269,8 +267,8 @@ def test_another_node_of_the_same_name_is_reported_once(conductor: Conductor) ->
 def test_a_router_that_disappears_is_reported_and_the_node_comes_back(
     conductor: Conductor,
 ) -> None:
-    said, heard, port = Said(), Heard(), free_port("127.0.0.1")
-    router = listening(port)
+    said, heard, router = Said(), Heard(), listening(0)
+    port = router.port
     with Ros2Node(conductor, port=port, domain=0, report=said) as node:
         assert not node.is_router
         router.close()

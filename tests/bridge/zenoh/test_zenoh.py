@@ -17,9 +17,10 @@ import pytest
 from tests.bridge.waiting import PATIENCE, until
 from uuvsim_cosim.bridge.calls.service import Client
 from uuvsim_cosim.bridge.clients.client import connect
+from uuvsim_cosim.bridge.zenoh import session as session_module
 from uuvsim_cosim.bridge.zenoh.bridge import Bridge
 from uuvsim_cosim.bridge.zenoh.codec import error_of, message_of, packed, read_message, unpacked
-from uuvsim_cosim.bridge.zenoh.session import WrappedSession, connecting, listening
+from uuvsim_cosim.bridge.zenoh.session import WrappedSession, connecting, free_port, listening
 from uuvsim_cosim.errors import ComponentFailed, InputInvalid, Problem, SystemInvalid, UuvsimError
 from uuvsim_cosim.orchestrator.system.system import System
 
@@ -192,6 +193,17 @@ def test_what_is_not_finite_is_null_in_json_alone(session: WrappedSession, bridg
 def test_a_port_in_use_is_said_to_be(bridge: Bridge) -> None:
     with pytest.raises(InputInvalid, match=f"port {bridge.port} .* is in use"):
         listening(bridge.port)
+
+
+def test_any_free_port_is_another_one_where_the_first_was_taken_meanwhile(
+    bridge: Bridge, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    found = iter([bridge.port, bridge.port, free_port("127.0.0.1")])
+    monkeypatch.setattr(session_module, "free_port", lambda host: next(found))
+    with listening(0) as other:
+        assert other.port not in (0, bridge.port)
+        with connecting("127.0.0.1", other.port) as client:
+            assert client.is_connected
 
 
 def test_only_this_machine_is_listened_to(bridge: Bridge) -> None:
