@@ -17,8 +17,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 import uuvsim_cosim as uuv
-from uuvsim_cosim.bridge.zenoh.bridge import free_port
-from uuvsim_cosim.bridge.zenoh.session import WrappedSession, listening
+from uuvsim_cosim.bridge.zenoh.session import WrappedSession, free_port, listening
 from uuvsim_cosim.bridge.zenoh.shared_memory import SharedMemory
 from uuvsim_cosim.orchestrator.python.component import PythonComponent
 from uuvsim_cosim.orchestrator.system import resolve

@@ -26,8 +26,7 @@ import uuvsim_cosim as uuv
 from uuvsim_cosim.bridge.calls.service import Client
 from uuvsim_cosim.bridge.ros2.node import Ros2Node
 from uuvsim_cosim.bridge.server.conductor import Conductor
-from uuvsim_cosim.bridge.zenoh.bridge import free_port
-from uuvsim_cosim.bridge.zenoh.session import connecting
+from uuvsim_cosim.bridge.zenoh.session import connecting, free_port
 from uuvsim_cosim.fmus.codegen.describe import describe
 from uuvsim_cosim.fmus.codegen.native import Native
 from uuvsim_cosim.models.declaration.model import Model

@@ -12,6 +12,7 @@ from typing import Any
 import pytest
 
 from tests.bridge.peer import Peer
+from tests.bridge.waiting import PATIENCE
 from uuvsim_cosim.bridge.access.authentication import everybody
 from uuvsim_cosim.bridge.calls.call_table import CALLS
 from uuvsim_cosim.bridge.calls.service import Client
@@ -295,7 +296,7 @@ def test_an_integer_of_64_bits_is_exact_in_a_recorded_run_over_each_transport(
 def test_an_integer_of_64_bits_is_exact_in_the_python_client(server: Server) -> None:
     server.conductor.reset(ME)
     with connect(port=server.zenoh.port) as client, client.subscribe("a") as blocks:
-        assert server.zenoh.stream.wait_until_wanted("a", timeout=20)
+        assert server.zenoh.stream.wait_until_wanted("a", timeout=PATIENCE)
         for large in LARGE:
             client.set({"a.int64_in": large, "a.uint64_in": large + 2**63})
             given = client.step(1, {}, ["a.int64_out", "a.uint64_out"])
@@ -310,7 +311,7 @@ def test_an_integer_of_64_bits_is_exact_in_the_python_client(server: Server) -> 
 def test_zenoh_payloads_name_their_encoding(server: Server) -> None:
     with connecting("127.0.0.1", server.zenoh.port) as session:
         subscriber = session.subscribe("uuvsim/types/state/a", 4)
-        assert server.zenoh.stream.wait_until_wanted("a", timeout=20)
+        assert server.zenoh.stream.wait_until_wanted("a", timeout=PATIENCE)
         for call, fields in (("describe", {}), ("stpe", {})):
             asker = session.asker(f"uuvsim/types/call/{call}")
             reply = next(iter(asker.get(payload=json.dumps(fields))))

@@ -15,8 +15,8 @@ import uuvsim_cosim as uuv
 from uuvsim_cosim.bridge.clients.async_client import AsyncConnection, connect_async
 from uuvsim_cosim.bridge.clients.client import Connection
 from uuvsim_cosim.bridge.server.conductor import Conductor
-from uuvsim_cosim.bridge.zenoh.bridge import Bridge, free_port
-from uuvsim_cosim.bridge.zenoh.session import Disconnected, listening
+from uuvsim_cosim.bridge.zenoh.bridge import Bridge
+from uuvsim_cosim.bridge.zenoh.session import Disconnected, free_port, listening
 from uuvsim_cosim.errors import ComponentFailed, InputInvalid
 from uuvsim_cosim.orchestrator.master.master import Master
 from uuvsim_cosim.orchestrator.master.prepared import prepare
@@ -201,9 +201,8 @@ def test_nobody_there_is_said_in_words() -> None:
 
 
 def test_a_port_without_a_co_simulation_is_said_to_be() -> None:
-    port = free_port("127.0.0.1")
-    with listening(port), pytest.raises(InputInvalid, match="0 co-simulations at"):
-        uuv.connect(port=port)
+    with listening(0) as other, pytest.raises(InputInvalid, match="0 co-simulations at"):
+        uuv.connect(port=other.port)
 
 
 def test_an_unknown_system_is_refused_with_the_one_there_is(bridge: Bridge) -> None:

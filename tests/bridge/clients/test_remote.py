@@ -14,7 +14,7 @@ import pytest
 from uuvsim_cosim.bridge.calls.service import Client
 from uuvsim_cosim.bridge.clients.remote import ComponentServer, serve_component, source
 from uuvsim_cosim.bridge.server.conductor import Conductor
-from uuvsim_cosim.bridge.zenoh.bridge import free_port
+from uuvsim_cosim.bridge.zenoh.session import free_port
 from uuvsim_cosim.errors import ComponentFailed, FmuError, InputInvalid, SystemInvalid
 from uuvsim_cosim.orchestrator.master.master import Master
 from uuvsim_cosim.orchestrator.master.prepared import prepare

@@ -6,13 +6,14 @@ import json
 import queue
 import struct
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
 
 import numpy as np
 import zenoh
 
+from tests.bridge.waiting import PATIENCE
 from uuvsim_cosim.bridge.ros2.interfaces import with_services
 from uuvsim_cosim.bridge.ros2.topic_writer import typestore
 
@@ -32,7 +33,7 @@ def ros(port: int) -> Iterator[zenoh.Session]:
 
 
 def tokens(session: zenoh.Session) -> list[str]:
-    replies = session.liveliness().get("@ros2_lv/**", timeout=5.0)
+    replies = session.liveliness().get("@ros2_lv/**", timeout=PATIENCE)
     return sorted(str(r.ok.key_expr) for r in replies if r.ok is not None)
 
 
@@ -112,7 +113,7 @@ def call(
             attachment=attached,
             target=zenoh.QueryTarget.ALL_COMPLETE,
             consolidation=zenoh.ConsolidationMode.NONE,
-            timeout=10.0,
+            timeout=PATIENCE,
         )
     )
     assert len(replies) == 1, replies
@@ -135,12 +136,4 @@ class Said:
         self._queue.put(text)
 
     def next(self) -> str:
-        return self._queue.get(timeout=20.0)
-
-
-def until(holds: Callable[[], bool], meanwhile: Callable[[], object]) -> None:
-    """Do something until a condition holds."""
-    latest = time.monotonic() + 20.0
-    while not holds():
-        assert time.monotonic() < latest
-        meanwhile()
+        return self._queue.get(timeout=PATIENCE)

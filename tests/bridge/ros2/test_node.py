@@ -6,6 +6,7 @@ import socket
 import struct
 import threading
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from typing import Any
 
 import pytest
@@ -14,12 +15,12 @@ from zenoh import ext
 
 import uuvsim_cosim as uuv
 from tests.bridge.ros2.ros_side import Said, ros, tokens
+from tests.bridge.waiting import until
 from uuvsim_cosim.bridge.calls.service import Client
 from uuvsim_cosim.bridge.ros2.node import Ros2Node
 from uuvsim_cosim.bridge.ros2.rmw_zenoh import attachment, gid
 from uuvsim_cosim.bridge.ros2.topic_writer import typestore
 from uuvsim_cosim.bridge.server.conductor import Conductor
-from uuvsim_cosim.bridge.zenoh.bridge import free_port
 from uuvsim_cosim.bridge.zenoh.session import listening
 from uuvsim_cosim.errors import InputInvalid
 
@@ -53,7 +54,7 @@ class Heard:
 
 
 def test_a_session_finds_the_node_and_its_publishers_by_their_tokens(conductor: Conductor) -> None:
-    with Ros2Node(conductor, port=free_port("127.0.0.1"), domain=7) as node:
+    with Ros2Node(conductor, port=0, domain=7) as node:
         assert node.is_router
         with ros(node.port) as session:
             found = tokens(session)
@@ -77,7 +78,7 @@ def test_a_subscriber_gets_messages_of_its_type_with_number_time_and_publisher(
     conductor: Conductor,
 ) -> None:
     store, heard, clock = typestore("jazzy"), Heard(), Heard()
-    with Ros2Node(conductor, port=free_port("127.0.0.1"), domain=0) as node, ros(node.port) as peer:
+    with Ros2Node(conductor, port=0, domain=0) as node, ros(node.port) as peer:
         subscribed = [
             peer.declare_subscriber(f"0/imu/data_raw/sensor_msgs::msg::dds_::Imu_/{HASH}", heard),
             peer.declare_subscriber("0/clock/**", clock),
@@ -100,7 +101,7 @@ def test_a_subscriber_gets_messages_of_its_type_with_number_time_and_publisher(
 
 def test_a_later_subscriber_gets_the_frames_of_the_sensors(conductor: Conductor) -> None:
     heard = Heard()
-    with Ros2Node(conductor, port=free_port("127.0.0.1"), domain=0) as node, ros(node.port) as peer:
+    with Ros2Node(conductor, port=0, domain=0) as node, ros(node.port) as peer:
         subscribed = ext.declare_advanced_subscriber(
             peer, "0/tf_static/**", heard, history=ext.HistoryConfig(detect_late_publishers=True)
         )
@@ -115,13 +116,13 @@ def test_a_later_subscriber_gets_the_frames_of_the_sensors(conductor: Conductor)
 def test_a_client_of_the_router_describes_its_vehicle_to_a_later_subscriber(
     conductor: Conductor,
 ) -> None:
-    port, heard = free_port("127.0.0.1"), Heard()
+    heard = Heard()
     boat = uuv.System("boat", "0.1").add("hull", "model:bluerov2_heavy")
     with (
         Conductor(boat) as other,
-        Ros2Node(other, port=port, domain=1),
-        Ros2Node(conductor, port=port, domain=0) as node,
-        ros(port) as peer,
+        Ros2Node(other, port=0, domain=1) as router,
+        Ros2Node(conductor, port=router.port, domain=0) as node,
+        ros(router.port) as peer,
     ):
         assert not node.is_router
         subscribed = ext.declare_advanced_subscriber(
@@ -141,7 +142,7 @@ def test_a_subscriber_gets_clouds_and_diagnostics_of_a_sonar() -> None:
     system = uuv.System("sonar", "0.1").add("sonar", "model:multibeam?beams=5")
     with (
         Conductor(system) as conductor,
-        Ros2Node(conductor, port=free_port("127.0.0.1"), domain=0) as node,
+        Ros2Node(conductor, port=0, domain=0) as node,
         ros(node.port) as peer,
     ):
         kept = [
@@ -158,21 +159,24 @@ def test_a_subscriber_gets_clouds_and_diagnostics_of_a_sonar() -> None:
     assert (status.name, status.level) == ("sonar", 0)
 
 
+def names(session: zenoh.Session) -> set[str]:
+    """Return the names of the nodes; the router learns those of its clients one by one."""
+    return {t.split("/")[8] for t in tokens(session)}
+
+
 def test_two_nodes_share_one_router_and_one_goes_without_the_other(conductor: Conductor) -> None:
-    port = free_port("127.0.0.1")
     boat = uuv.System("boat", "0.1").add("hull", "model:bluerov2_heavy")
-    with Ros2Node(conductor, port=port, domain=0) as first, Conductor(boat) as other:
+    with Ros2Node(conductor, port=0, domain=0) as first, Conductor(boat) as other:
+        port = first.port
         with Ros2Node(other, port=port, domain=0) as second, ros(port) as session:
             assert (first.is_router, second.is_router) == (True, False)
-            names = {t.split("/")[8] for t in tokens(session)}
-            assert names == {"bluerov2_survey", "boat"}
+            until(lambda: names(session) == {"bluerov2_survey", "boat"})
         with ros(port) as session:
-            assert {t.split("/")[8] for t in tokens(session)} == {"bluerov2_survey"}
+            until(lambda: names(session) == {"bluerov2_survey"})
 
 
 def test_humble_has_no_hashes(conductor: Conductor) -> None:
-    port = free_port("127.0.0.1")
-    with Ros2Node(conductor, "humble", port=port, domain=0), ros(port) as session:
+    with Ros2Node(conductor, "humble", port=0, domain=0) as node, ros(node.port) as session:
         found = [t for t in tokens(session) if "/MP/" in t]
     assert found
     assert {t.split("/")[11] for t in found} == {"TypeHashNotSupported"}
@@ -180,7 +184,7 @@ def test_humble_has_no_hashes(conductor: Conductor) -> None:
 
 def test_a_reset_keeps_the_publishers(conductor: Conductor) -> None:
     heard = Heard()
-    with Ros2Node(conductor, port=free_port("127.0.0.1"), domain=0) as node, ros(node.port) as peer:
+    with Ros2Node(conductor, port=0, domain=0) as node, ros(node.port) as peer:
         subscribed = peer.declare_subscriber("0/hull/odometry/**", heard)
         heard.wait(lambda: conductor.step(ME, 10, {}, ()))
         before = tokens(peer)
@@ -201,7 +205,7 @@ def test_after_a_reset_a_sensor_is_published_from_the_start(conductor: Conductor
         if times[-1] < max(times):
             later.set()
 
-    with Ros2Node(conductor, port=free_port("127.0.0.1"), domain=0) as node, ros(node.port) as peer:
+    with Ros2Node(conductor, port=0, domain=0) as node, ros(node.port) as peer:
         subscribed = peer.declare_subscriber("0/imu/data_raw/**", heard)
         for _ in range(600):
             conductor.step(ME, 100, {}, ())
@@ -218,10 +222,22 @@ def test_after_a_reset_a_sensor_is_published_from_the_start(conductor: Conductor
 def test_another_program_at_the_routers_port_is_named(conductor: Conductor) -> None:
     with socket.create_server(("127.0.0.1", 0)) as taken:
         port = taken.getsockname()[1]
-        with pytest.raises(
-            InputInvalid, match=rf"port {port} of this machine is in use by another"
-        ):
-            Ros2Node(conductor, port=port, domain=0)
+
+        def refuse() -> None:
+            with suppress(OSError):  # the end of the test
+                while True:
+                    taken.accept()[0].close()
+
+        thread = threading.Thread(target=refuse)
+        thread.start()
+        try:
+            with pytest.raises(
+                InputInvalid, match=rf"port {port} of this machine is in use by another"
+            ):
+                Ros2Node(conductor, port=port, domain=0)
+        finally:
+            taken.shutdown(socket.SHUT_RDWR)
+            thread.join()
 
 
 def test_a_domain_that_is_none_is_refused(
@@ -229,29 +245,30 @@ def test_a_domain_that_is_none_is_refused(
 ) -> None:
     monkeypatch.setenv("ROS_DOMAIN_ID", "233")
     with pytest.raises(InputInvalid, match=r"ROS_DOMAIN_ID '233'; expected a number from 0 to 232"):
-        Ros2Node(conductor, port=free_port("127.0.0.1"))
+        Ros2Node(conductor, port=0)
 
 
 def test_another_node_of_the_same_name_is_reported_once(conductor: Conductor) -> None:
-    said, port = Said(), free_port("127.0.0.1")
+    said = Said()
     with (
-        Ros2Node(conductor, port=port, domain=0, report=said) as node,
-        Ros2Node(conductor, port=port, domain=0, commands=False) as other,
+        Ros2Node(conductor, port=0, domain=0, report=said) as node,
+        Ros2Node(conductor, port=node.port, domain=0, commands=False) as other,
     ):
         assert said.next() == (
             "/bluerov2_survey: another node in domain 0 has this name; expected one node of a "
             "name, for example by another ROS_DOMAIN_ID"
         )
-        assert len(other.reports.texts) == 1
+        until(lambda: other.reports.texts)
         assert node.node != other.node
+    assert len(other.reports.texts) == 1
     assert len(said.texts) == 1
 
 
 def test_a_router_that_disappears_is_reported_and_the_node_comes_back(
     conductor: Conductor,
 ) -> None:
-    said, heard, port = Said(), Heard(), free_port("127.0.0.1")
-    router = listening(port)
+    said, heard, router = Said(), Heard(), listening(0)
+    port = router.port
     with Ros2Node(conductor, port=port, domain=0, report=said) as node:
         assert not node.is_router
         router.close()
@@ -264,7 +281,7 @@ def test_a_router_that_disappears_is_reported_and_the_node_comes_back(
             subscribed = peer.declare_subscriber("0/clock/**", heard)
             heard.wait(lambda: conductor.step(ME, 10, {}, ()))
             subscribed.undeclare()
-            assert len(tokens(peer)) > len(node.topics)
+            until(lambda: len(tokens(peer)) > len(node.topics))
     assert len(said.texts) == 2
 
 

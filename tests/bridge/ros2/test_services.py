@@ -11,12 +11,12 @@ import pytest
 import zenoh
 
 from tests.bridge.ros2.ros_side import GID, STORE, Said, call, dds, made, ros, tokens
+from tests.bridge.waiting import PATIENCE
 from uuvsim_cosim.bridge.calls.service import Client
 from uuvsim_cosim.bridge.ros2.interfaces import add_service, with_services
 from uuvsim_cosim.bridge.ros2.node import Ros2Node
 from uuvsim_cosim.bridge.ros2.topic_writer import DISTRIBUTIONS, typestore
 from uuvsim_cosim.bridge.server.conductor import Conductor
-from uuvsim_cosim.bridge.zenoh.bridge import free_port
 
 ME = Client("me", "local")
 TRIGGER = "std_srvs/srv/Trigger"
@@ -48,7 +48,7 @@ def opened() -> Iterator[Opened]:
     said = Said()
     with (
         Conductor("bluerov2_hold") as conductor,
-        Ros2Node(conductor, domain=0, port=free_port("127.0.0.1"), factor=20.0,
+        Ros2Node(conductor, domain=0, port=0, factor=20.0,
                  report=said) as node,
         ros(node.port) as peer,
     ):  # fmt: skip
@@ -123,7 +123,7 @@ def test_a_request_that_cannot_be_read_is_refused_and_reported_once(
     for _ in range(2):
         [reply] = opened.peer.get(
             f"0/bluerov2_hold/reset/{dds(TRIGGER)}/{STORE.hash_rihs01(TRIGGER)}",
-            payload=payload, attachment=attachment, timeout=10.0,
+            payload=payload, attachment=attachment, timeout=PATIENCE,
         )  # fmt: skip
         assert reply.err is not None
         assert words in reply.err.payload.to_string()
@@ -201,7 +201,7 @@ def test_a_value_that_does_not_fit_is_refused_with_the_reason(
 def test_a_fixed_parameter_is_read_only() -> None:
     with (
         Conductor("bluerov2_survey") as conductor,
-        Ros2Node(conductor, domain=0, port=free_port("127.0.0.1")) as node,
+        Ros2Node(conductor, domain=0, port=0) as node,
         ros(node.port) as peer,
     ):
         fixed = next(

@@ -171,10 +171,10 @@ def test_names_of_clients_are_made_unique(service: Conductor) -> None:
 
 
 def test_commands_come_between_the_steps_of_a_stream(service: Conductor) -> None:
-    seen = Watching(service, until_tick=20)
     service.run(ME, factor=50.0)
-    assert service.set(ME, {"sum.a": 1.0}).running
-    seen.reached.result()
+    given = service.set(ME, {"sum.a": 1.0})
+    assert given.running
+    Watching(service, until_tick=given.tick + 2).reached.result()
     assert service.get(ME, ["sum.s"])["sum.s"] > 0.0
     assert not service.pause(ME).running
     tick = service.moment().tick
@@ -269,7 +269,7 @@ def test_a_late_one_is_dropped_and_told_so(service: Conductor) -> None:
 
 def test_a_late_one_pauses_all_where_that_is_configured() -> None:
     with Conductor(system(), fail_safe="pause") as service:
-        a, late = held(service, "a", "late", lag=0.05)
+        (a,), (late,) = held(service, "a"), held(service, "late", lag=0.05)
         with pytest.raises(InputInvalid, match="'late' did not request"):
             service.step(a)
         assert service.moment().tick == 0
@@ -279,7 +279,7 @@ def test_a_late_one_pauses_all_where_that_is_configured() -> None:
 
 def test_steps_go_on_without_a_late_one_where_that_is_configured() -> None:
     with Conductor(system(), fail_safe="go-on") as service:
-        a, late = held(service, "a", "late", lag=0.05)
+        (a,), (late,) = held(service, "a"), held(service, "late", lag=0.05)
         assert service.step(a)[0].tick == 1
         assert service.step(a)[0].tick == 2
         waiting = service.ask("step", late, 1, None, [])

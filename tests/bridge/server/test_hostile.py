@@ -7,7 +7,6 @@ import http.client
 import os
 import socket
 import threading
-import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,6 +15,7 @@ from typing import Any
 import pytest
 
 from tests.bridge.peer import Peer, bearer
+from tests.bridge.waiting import PATIENCE, until
 from uuvsim_cosim.bridge.access.token import known_token
 from uuvsim_cosim.bridge.access.zenoh_permissions import GUEST, client_settings
 from uuvsim_cosim.bridge.calls.connection_limits import Limits
@@ -143,7 +143,7 @@ def flood_zenoh(endpoints: Endpoints, begun: threading.Event, over: threading.Ev
         while not over.is_set():
             for _ in range(100):
                 session.raw.get("uuvsim/sums/call/get", count, payload='{"names": ["sum.s"]}')
-            list(session.raw.get("uuvsim/sums/call/describe", timeout=20.0))
+            list(session.raw.get("uuvsim/sums/call/describe", timeout=PATIENCE))
             begun.set()
     assert answered[0] > 0
 
@@ -184,7 +184,7 @@ def test_a_run_reaches_its_end_in_a_flood(
     endpoints.conductor.reset(ME)
     thread.start()
     try:
-        assert begun.wait(60.0)
+        assert begun.wait(PATIENCE)
         recorded = endpoints.conductor.run(ME, 200.0, None, ["sum.s"])
     finally:
         over.set()
@@ -244,10 +244,7 @@ def test_an_answer_that_nobody_takes_holds_only_its_client_up() -> None:
         assert bridge.conductor.moment().tick == 5
         assert "answer" not in told  # it waits still
         # Of 200, 64 wait for an answer, and at most 64 wait to be refused; the others have ended.
-        begin = time.monotonic()
-        while told.count("end") < 72 and time.monotonic() < begin + 60.0:
-            free.wait(0.01)
-        assert told.count("end") >= 72
+        until(lambda: told.count("end") >= 72)
         free.set()
         with connect(port=bridge.port) as another:
             another.step(1)
@@ -263,7 +260,7 @@ def test_who_says_nothing_gives_his_place_to_who_does(endpoints: Endpoints, endp
         tcp = stack.enter_context(TcpServer(endpoints.conductor, 0, limits=FEW))
         http_ = stack.enter_context(HttpServer(endpoints.conductor, 0, limits=FEW))
         port = tcp.port if endpoint == "tcp" else http_.port
-        silent = [socket.create_connection(("127.0.0.1", port), 20.0) for _ in range(9)]
+        silent = [socket.create_connection(("127.0.0.1", port), PATIENCE) for _ in range(9)]
         for one in silent:
             stack.enter_context(one)
         if endpoint == "tcp":
@@ -281,7 +278,7 @@ def test_who_says_nothing_gives_his_place_to_who_does(endpoints: Endpoints, endp
 
 def held_silent(stack: contextlib.ExitStack, port: int, count: int) -> None:
     for _ in range(count):
-        stack.enter_context(socket.create_connection(("127.0.0.1", port), 20.0))
+        stack.enter_context(socket.create_connection(("127.0.0.1", port), PATIENCE))
 
 
 def test_silent_connections_over_http_keep_no_client_out(endpoints: Endpoints) -> None:

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tests.bridge.waiting import PATIENCE
 from uuvsim_cosim.bridge.calls.service import Client
 from uuvsim_cosim.bridge.clients.client import connect
 from uuvsim_cosim.bridge.server.conductor import Conductor
@@ -130,7 +131,7 @@ def test_a_subscriber_sees_a_replay_as_it_sees_a_run(run: Path, signals: Signals
     with Bridge(run / "run.mcap", port=0) as bridge, connect(port=bridge.port) as client:
         assert client.system == "sums"
         blocks = client.subscribe("sum.s")
-        assert bridge.stream.wait_until_wanted("sum", 10.0)
+        assert bridge.stream.wait_until_wanted("sum", PATIENCE)
         client.run(factor=50.0)
         for block in blocks:
             assert block["sum.s"] == signals["sum.s"][block.tick]

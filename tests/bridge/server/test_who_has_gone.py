@@ -6,14 +6,14 @@ import http.client
 import json
 import subprocess
 import sys
-import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
 import uuvsim_cosim as uuv
 from tests.bridge.peer import Peer, bearer
+from tests.bridge.waiting import PATIENCE, until
 from uuvsim_cosim.bridge.calls.service import Client
 from uuvsim_cosim.bridge.http.server import HttpServer
 from uuvsim_cosim.bridge.server.conductor import Conductor
@@ -30,14 +30,6 @@ FOREVER = 1e9  # s
 def service() -> Iterator[Conductor]:
     with Conductor(uuv.System("sums", "0.1").add("sum", f"{PARTS}:Sum")) as service:
         yield service
-
-
-def until(holds: Callable[[], bool], seconds: float = 10.0) -> None:
-    """Wait for something to come true."""
-    end = time.monotonic() + seconds
-    while not holds():
-        assert time.monotonic() < end
-        time.sleep(0.01)
 
 
 def test_a_run_ends_when_its_client_at_the_tcp_endpoint_is_gone(service: Conductor) -> None:
@@ -64,7 +56,7 @@ def test_a_run_ends_when_its_process_that_asked_by_zenoh_is_killed(service: Cond
     with Bridge(service, port=0) as bridge:
         script = f"import uuvsim_cosim as u; u.connect(port={bridge.port}).run(until={FOREVER})"
         with subprocess.Popen([sys.executable, "-c", script]) as process:
-            until(lambda: service.moment().running, 30.0)
+            until(lambda: service.moment().running)
             process.kill()
         until(lambda: not service.moment().running)
 
@@ -85,4 +77,4 @@ def test_an_answer_that_is_abandoned_ends_no_run_but_its_own(service: Conductor)
     until(lambda: service.moment().running)
     assert not running.done()
     service.abandon(running)
-    assert list(running.result(10.0)) == ["time"]
+    assert list(running.result(PATIENCE)) == ["time"]

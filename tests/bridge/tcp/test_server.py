@@ -17,7 +17,8 @@ from uuvsim_cosim.bridge.tcp.framing import frame
 from uuvsim_cosim.bridge.tcp.server import TcpServer
 from uuvsim_cosim.errors import InputInvalid
 
-BRIEF = Limits(clients=4, hello_s=0.3, frame_s=0.3)
+FEW = Limits(clients=4)
+NO_HELLO, NO_FRAME = Limits(hello_s=0.3), Limits(frame_s=0.3)  # short times are these claims' alone
 
 
 @pytest.fixture
@@ -27,7 +28,7 @@ def service() -> FakeService:
 
 @pytest.fixture
 def endpoint(service: FakeService) -> Iterator[TcpServer]:
-    with TcpServer(service, 0, limits=BRIEF) as opened:
+    with TcpServer(service, 0, limits=FEW) as opened:
         yield opened
 
 
@@ -166,15 +167,18 @@ def test_a_malformed_client_is_told_and_let_go(endpoint: TcpServer, data: bytes)
     assert works(endpoint)
 
 
-def test_a_client_that_never_says_who_it_is_is_let_go(endpoint: TcpServer) -> None:
-    with Peer(endpoint.port, call=None) as peer:
+def test_a_client_that_never_says_who_it_is_is_let_go(service: FakeService) -> None:
+    with (
+        TcpServer(service, 0, limits=NO_HELLO) as endpoint,
+        Peer(endpoint.port, call=None) as peer,
+    ):
         header, _ = peer.answer()
         assert "within the time" in header["error"]
         assert peer.ended()
 
 
-def test_half_a_frame_holds_its_place_for_a_bounded_time(endpoint: TcpServer) -> None:
-    with Peer(endpoint.port) as peer:
+def test_half_a_frame_holds_its_place_for_a_bounded_time(service: FakeService) -> None:
+    with TcpServer(service, 0, limits=NO_FRAME) as endpoint, Peer(endpoint.port) as peer:
         peer.socket.sendall(struct.pack("<II", 100, 0) + b"{")
         assert works(endpoint)
         assert "whole frame" in peer.answer()[0]["error"]
@@ -182,7 +186,7 @@ def test_half_a_frame_holds_its_place_for_a_bounded_time(endpoint: TcpServer) ->
 
 
 def test_more_clients_than_may_be_are_told_and_a_place_is_free_again(endpoint: TcpServer) -> None:
-    peers = [Peer(endpoint.port) for _ in range(BRIEF.clients)]
+    peers = [Peer(endpoint.port) for _ in range(FEW.clients)]
     try:
         with Peer(endpoint.port, call=None) as one_more:
             assert "4 clients are connected" in one_more.greeting["error"]
@@ -195,9 +199,13 @@ def test_more_clients_than_may_be_are_told_and_a_place_is_free_again(endpoint: T
 
 
 def test_a_client_that_does_not_read_is_let_go_and_others_are_served(
-    endpoint: TcpServer, service: FakeService
+    service: FakeService,
 ) -> None:
-    with Peer(endpoint.port, name="slow") as peer, Peer(endpoint.port) as other:
+    with (
+        TcpServer(service, 0, limits=NO_FRAME) as endpoint,
+        Peer(endpoint.port, name="slow") as peer,
+        Peer(endpoint.port) as other,
+    ):
         peer.socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
         peer.socket.setblocking(False)
         flood = frame({"call": "schema"}) * 2000

@@ -14,7 +14,6 @@ import pytest
 import zenoh
 
 from uuvsim_cosim.bridge.zenoh import shared_memory
-from uuvsim_cosim.bridge.zenoh.bridge import free_port
 from uuvsim_cosim.bridge.zenoh.session import listening
 from uuvsim_cosim.bridge.zenoh.shared_memory import LARGE, SharedMemory
 
@@ -47,13 +46,15 @@ def _read(stream: Any, lines: Queue[str]) -> None:
 
 @pytest.mark.parametrize("shared", [True, False])
 def test_frames_arrive_whole_with_and_without_shared_memory(shared: bool) -> None:
-    memory, port = SharedMemory(), free_port("127.0.0.1")
-    with listening(port) as session:
+    memory = SharedMemory()
+    with listening(0) as session:
         publisher = session.raw.declare_publisher(
             "frames", congestion_control=zenoh.CongestionControl.BLOCK
         )
         with subprocess.Popen(
-            [sys.executable, "-c", TAKES, str(port), str(shared)], stdout=subprocess.PIPE, text=True
+            [sys.executable, "-c", TAKES, str(session.port), str(shared)],
+            stdout=subprocess.PIPE,
+            text=True,
         ) as taker:
             lines: Queue[str] = Queue()
             Thread(target=_read, args=(taker.stdout, lines), daemon=True).start()

@@ -20,7 +20,6 @@ import uuvsim_cosim as uuv
 from tests.conftest import Uuvsim
 from uuvsim_cosim.bridge.ros2.node import Ros2Node
 from uuvsim_cosim.bridge.server.conductor import Conductor
-from uuvsim_cosim.bridge.zenoh.bridge import free_port
 from uuvsim_cosim.commands.editor.ros2_workspace import ros2_workspace_files, write_ros2_workspace
 from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.orchestrator.plan.flatten import flatten
@@ -72,7 +71,7 @@ int print(const Logger &, const char *, ...) __attribute__((format(printf, 2, 3)
 
 @pytest.fixture(scope="module")
 def live() -> dict[str, str]:
-    with Conductor(SYSTEM) as conductor, Ros2Node(conductor, port=free_port("127.0.0.1")) as node:
+    with Conductor(SYSTEM) as conductor, Ros2Node(conductor, port=0) as node:
         types_ = {topic.name: topic.type for topic in node.topics}
     return types_ | {
         "/clock": "rosgraph_msgs/msg/Clock", "/tf_static": "tf2_msgs/msg/TFMessage",

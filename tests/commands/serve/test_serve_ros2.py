@@ -7,7 +7,6 @@ from pathlib import Path
 import pytest
 
 import uuvsim_cosim as uuv
-from uuvsim_cosim.bridge.zenoh.bridge import free_port
 from uuvsim_cosim.cli import status_of
 
 ANY = ("--port", "0", "--tcp-port", "0", "--http-port", "0", "--no-record", "--until", "0.1")
@@ -17,8 +16,7 @@ ANY = ("--port", "0", "--tcp-port", "0", "--http-port", "0", "--no-record", "--u
 def served(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> list[str]:
     monkeypatch.chdir(tmp_path)
     uuv.load("bluerov2_hold").remove("guidance").write("setpoints.ssd")
-    port = str(free_port("127.0.0.1"))
-    return ["serve", "setpoints.ssd", "--ros2", "jazzy", "--ros2-port", port, *ANY]
+    return ["serve", "setpoints.ssd", "--ros2", "jazzy", "--ros2-port", "0", *ANY]
 
 
 def test_inputs_and_services_are_listed(

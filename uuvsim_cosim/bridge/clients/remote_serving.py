@@ -77,9 +77,7 @@ class ComponentServer(Owner):
     ) -> None:
         if not name.replace("_", "").replace("-", "").isalnum():
             raise InputInvalid(f"component name {name!r}", "letters, digits, _ and -")
-        from uuvsim_cosim.bridge.zenoh.bridge import free_port
-
-        self.name, self.host, self.port = name, host, port or free_port(host)
+        self.name, self.host = name, host
         self._class = cls
         self._description = PythonComponent(cls, name).description
         self._instances: dict[str, PythonComponent] = {}
@@ -91,7 +89,8 @@ class ComponentServer(Owner):
         guard = nullcontext({}) if token is None else guarded_component(token)
         with self._opening() as opened:
             with guard as settings:
-                session = opened.enter_context(listening(self.port, [host], settings))
+                session = opened.enter_context(listening(port, [host], settings))
+            self.port = session.port
             opened.enter_context(TokenFile(self._admit, self.port))
             opened.callback(self._over.set)
             self._answering = session.answer(remote_component_key(name), self._asked)

@@ -61,7 +61,8 @@ _LOOK = 0.1  # [s] between two checks which topics have a subscriber
 class Ros2Node(Owner):
     """A system as a node of ROS 2: topics, inputs, services, parameters; until `close`.
 
-    It connects to the router of rmw_zenoh on this machine, or is that router if none is there. The
+    It connects to the router of rmw_zenoh on this machine, or is that router if none is there; with
+    port 0 it is the router at any free port, which the attribute `port` then holds. The
     topics follow from the signals, or from the file `topics`. Each topic is published while it has
     a subscriber; a subscriber that is slow loses messages and never delays the system. The node is
     called `name`, by default as the system, in `domain` (default: ROS_DOMAIN_ID, or 0).
@@ -90,7 +91,7 @@ class Ros2Node(Owner):
         store = with_services(typestore(distribution))
         self._file, self._conductor, self._origin = topics, conductor, origin
         self.domain = _domain() if domain is None else domain
-        self.port, self.topics, self.dropped = port, list[Topic](), 0
+        self.topics, self.dropped = list[Topic](), 0
         self.without_topic: list[str] = []  # texts
         self.omitted: list[str] = []  # messages that are not published, and why
         self._publishing: _Publishing | None = None
@@ -99,6 +100,7 @@ class Ros2Node(Owner):
         with self._opening() as opened:
             session, self.is_router = _session(port)
             opened.callback(session.close)
+            self.port = session.port if self.is_router else port
             given = name or _node_name(str(conductor.describe()["system"]))
             self.node = Entity(given, str(session.raw.zid()), domain=self.domain)
             self._token = session.token(node_token(self.node))
@@ -297,14 +299,16 @@ def _session(port: int) -> tuple[WrappedSession, bool]:
     # Nodes of rmw_zenoh find each other by gossip; the cache of latched topics needs time stamps.
     settings = {"scouting/gossip/enabled": True, "timestamping/enabled": True}
     try:
-        return connecting("127.0.0.1", port, settings), False
+        if port:
+            return connecting("127.0.0.1", port, settings), False
     except NoSession:
         raise InputInvalid(
             f"ROS 2: port {port} of this machine is in use by another program",
             "the router of rmw_zenoh there, or nothing",
         ) from None
     except Disconnected:
-        return listening(port, settings=settings), True
+        pass
+    return listening(port, settings=settings), True
 
 
 def _latched(session: WrappedSession, key: str) -> Any:

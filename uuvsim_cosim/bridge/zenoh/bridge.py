@@ -53,7 +53,7 @@ from uuvsim_cosim.orchestrator.system.system import System
 if TYPE_CHECKING:
     import zenoh
 
-__all__ = ["Bridge", "free_port"]
+__all__ = ["Bridge"]
 
 _EACH = ("client", "proof", "binary", "token")  # in a message, in addition to a call's fields
 _JOIN = ("protocol", "version", "user", "password")  # the same, of `join` only
@@ -105,7 +105,6 @@ class Bridge(Owner):
     ) -> None:
         self.hosts = (host,) if isinstance(host, str) else tuple(host)
         self.host = self.hosts[0]
-        self.port = port if port else free_port(self.host)
         if access is None and not anyone:
             access = guarded_by_token()
         self._joined = JoinedClients(access)
@@ -120,7 +119,8 @@ class Bridge(Owner):
             owned = ending.enter_context(contextlib.ExitStack())
             with guarded(rules, self._joined.reader) as settings:
                 settings = {"transport/shared_memory/enabled": shared_memory, **settings}
-                self._session = listening(self.port, self.hosts, settings, tls=self.tls)
+                self._session = listening(port, self.hosts, settings, tls=self.tls)
+            self.port = self._session.port
             ending.callback(self._session.close)
             ending.callback(TokenFile(access, self.port).close)
             if not isinstance(system, Conductor):
@@ -356,17 +356,3 @@ def _refuse(query: zenoh.Query, error: BaseException) -> None:
     with contextlib.suppress(Exception):  # the client has disconnected
         query.reply_err(json.dumps(message_of(error)), encoding=_JSON)
         query.drop()
-
-
-def free_port(host: str) -> int:
-    """Find a port that no program listens on; raises InputInvalid for another machine's address."""
-    import socket
-
-    with socket.socket(socket.AF_INET6 if ":" in host else socket.AF_INET) as s:
-        try:
-            s.bind((host, 0))
-        except OSError as error:
-            raise InputInvalid(
-                f"cannot listen at {host}", error.strerror, "an address of this machine"
-            ) from None
-        return int(s.getsockname()[1])

@@ -21,13 +21,14 @@ if TYPE_CHECKING:
     import zenoh
 
 __all__ = [
-    "PORT", "Disconnected", "NoSession", "WrappedSession", "connecting", "listening",
+    "PORT", "Disconnected", "NoSession", "WrappedSession", "connecting", "free_port", "listening",
 ]  # fmt: skip
 
 PORT = 7470
 _FOREVER = 10_000_000  # [s] that a query waits; a session that ends answers sooner
 _PATIENCE = 5.0  # [s] that closing waits for threads that are inside Zenoh
 _LARGEST = 64 << 20  # bytes of one message
+_TRIES = 100  # free ports that are tried
 _NONE: Mapping[str, object] = {}
 # A client that does not read is disconnected. Half-open connections do not lock others out: each
 # may wait for three seconds, and together they use at most half of the process's files.
@@ -56,8 +57,8 @@ class WrappedSession(Closing):
     when they wait for its lock; inside Zenoh, that aborts the program ("exception not rethrown").
     """
 
-    def __init__(self, session: zenoh.Session) -> None:
-        self.raw = session
+    def __init__(self, session: zenoh.Session, port: int = 0) -> None:
+        self.raw, self.port = session, port  # at which it listens, else 0
         self._idle = threading.Condition()
         self._inside = 0  # threads that wait within a call of Zenoh
         self._callbacks = 0  # threads of Zenoh, each of which ends with its callback
@@ -180,22 +181,29 @@ def listening(
     *,
     tls: bool = False,
 ) -> WrappedSession:
-    """Open a session that others connect to; raises InputInvalid if the port is in use."""
+    """Open a session that others connect to; raises InputInvalid if the port is in use.
+
+    Port 0 is any free one, which the attribute `port` then holds.
+    """
     import zenoh
 
-    endpoints = endpoints_of(hosts, port, tls=tls)
     pending = {"transport/unicast/accept_pending": _half_open()}
-    try:
-        config = _config("router", endpoints, {**_LISTENING, **pending, **settings})
-        return WrappedSession(zenoh.open(config))
-    except zenoh.ZError as error:
-        if "in use" in str(error):
-            raise InputInvalid(
-                f"port {port} on {', '.join(hosts)} is in use",
-                f"a free one, such as port {port + 100}, or 0 for any",
-            ) from None
-        reason = str(error).split(" at /", 1)[0]  # without the place in Zenoh's own source code
-        raise InputInvalid(f"cannot listen on {', '.join(endpoints)}: {reason}") from None
+    left = _TRIES if port == 0 else 1
+    while True:
+        left, chosen = left - 1, port or free_port(hosts[0])
+        endpoints = endpoints_of(hosts, chosen, tls=tls)
+        try:
+            config = _config("router", endpoints, {**_LISTENING, **pending, **settings})
+            return WrappedSession(zenoh.open(config), chosen)
+        except zenoh.ZError as error:
+            if "in use" not in str(error):
+                reason = str(error).split(" at /", 1)[0]  # without the place in Zenoh's source
+                raise InputInvalid(f"cannot listen on {', '.join(endpoints)}: {reason}") from None
+            if not left:  # else another program has taken the port meanwhile
+                raise InputInvalid(
+                    f"port {chosen} on {', '.join(hosts)} is in use",
+                    f"a free one, such as port {chosen + 100}, or 0 for any",
+                ) from None
 
 
 def connecting(
@@ -220,6 +228,18 @@ def connecting(
             f"{host}, port {port}, accepts connections, but opens no Zenoh session; expected the "
             "port that `uuvsim serve` prints for Python, and a server that is not overloaded"
         ) from None
+
+
+def free_port(host: str) -> int:
+    """Find a port that no program listens on; raises InputInvalid for another machine's address."""
+    with socket.socket(socket.AF_INET6 if ":" in host else socket.AF_INET) as s:
+        try:
+            s.bind((host, 0))
+        except OSError as error:
+            raise InputInvalid(
+                f"cannot listen at {host}", error.strerror, "an address of this machine"
+            ) from None
+        return int(s.getsockname()[1])
 
 
 def _config(mode: str, endpoints: Sequence[str], settings: Mapping[str, object]) -> zenoh.Config:
