@@ -15,6 +15,7 @@ from pymavlink.dialects.v20 import ardupilotmega
 import uuvsim_cosim as uuv
 from uuvsim_cosim.bridge.autopilots.ardusub import ArduSub, source, thruster_commands
 from uuvsim_cosim.bridge.autopilots.commands import AutopilotCommands
+from uuvsim_cosim.bridge.autopilots.sitl_process import HOME
 from uuvsim_cosim.errors import ComponentFailed, FmuError, InputInvalid
 from uuvsim_cosim.models.actuators.thruster_geometry import (
     configuration_matrix,
@@ -177,6 +178,61 @@ def test_a_target_that_moved_is_sent_again_when_it_has_stopped(
     sent = {json.loads(line[1])["timestamp"]: int(line[0]) for line in lines if len(line) == 2}
     assert not any(count for t, count in sent.items() if 0.06 <= t < 0.1)  # a waypoint, once
     assert sum(count > 50 for t, count in sent.items() if 0.1 <= t < 0.4) == 15  # each 0.02 s
+
+
+def test_the_commands_that_were_sent_are_recorded(
+    fake: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    scenario = tmp_path / "moves.yaml"
+    scenario.write_text(
+        "events:\n- {at: 0.1, set: controller.eta_d, value: [1, 2, 4, 0, 0, 1.5]}\n"
+        "- {at: 0.1, set: controller.nu_d, value: [0.3, 0, 0.2, 0, 0, 0]}\n"
+        "- {at: 0.1, set: controller.manual, value: [0.5, 0, 0, 0, 0, -1]}\n"
+        "- {at: 0.3, set: controller.mode, value: 2}\n"
+    )
+    monkeypatch.delenv("FAKE", raising=False)
+    signals = run(system(fake).set("controller.setpoint_period", 0.02), until=0.4,
+                  out=tmp_path / "run", backend="native", scenario=scenario).signals()  # fmt: skip
+
+    def at(time: float, name: str) -> list[float]:
+        row = int(np.searchsorted(signals.time, time - 1e-6))
+        return np.ravel(signals[f"controller.{name}"][row]).tolist()
+
+    sent = [(at(t, "setpoint_kind"), at(t, "setpoint_pose")) for t in (0.0, 0.05, 0.2, 0.35)]
+    assert sent == [
+        ([0], [0, 0, 0, 0]), ([1], [0, 0, 5, 0]), ([2], [1, 2, 4, 1.5]), ([0], [0, 0, 0, 0]),
+    ]  # fmt: skip
+    assert at(0.05, "setpoint_velocity") == [0, 0, 0]
+    assert at(0.2, "setpoint_velocity") == [0.3 * np.cos(1.5), 0.3 * np.sin(1.5), 0.2]
+    assert (at(0.05, "pilot"), at(0.25, "pilot")) == ([0] * 6, [0.5, 0, 0, 0, 0, -1])
+    assert not any(signals["controller.has_target"])  # the fake one reports none
+
+
+def test_the_target_that_the_autopilot_reports_is_read_in_n() -> None:
+    here, there = socket.socketpair()
+    commands = AutopilotCommands(here)
+    speaks = ardupilotmega.MAVLink(None, srcSystem=1, srcComponent=1)
+    place = [HOME[0] + np.degrees(12.0 / 6_378_100.0),
+             HOME[1] + np.degrees(-7.0 / 6_378_100.0 / np.cos(np.radians(HOME[0])))]  # fmt: skip
+    reported = []
+    for message in (
+        ardupilotmega.MAVLink_position_target_global_int_message(
+            0, 5, 0xFFF8, *(round(1e7 * x) for x in place), -4.5, *[0.0] * 8
+        ),
+        ardupilotmega.MAVLink_position_target_local_ned_message(
+            0, 1, 0xDF8, 1.0, 2.0, 3.0, *[0.0] * 8
+        ),
+        ardupilotmega.MAVLink_position_target_local_ned_message(
+            0, 1, 0xDC7, 1.0, 2.0, 3.0, *[0.0] * 8
+        ),
+    ):
+        there.sendall(message.pack(speaks))
+        commands.read()
+        reported.append(commands.target)
+    here.close()
+    there.close()
+    assert reported[0] == pytest.approx((12.0, -7.0, 4.5), abs=0.02)
+    assert reported[1:] == [(1.0, 2.0, 3.0), None]  # the last one has only a velocity
 
 
 def test_before_the_start_the_vehicle_is_lowered_from_the_surface(

@@ -1,18 +1,23 @@
 """Figures with the real ArduSub: ``python -m tests.bridge.autopilots.with_real_binary BINARY``.
 
 Instead of all figures, ``--speed 60`` measures the time of a step, three times in 60 s of simulated
-time, beside the fake autopilot. ``--hours 2`` runs the endurance test: memory of both processes and
-lost frames. The figures of docs/results.md are of this script.
+time, beside the fake autopilot. ``--survey 120`` flies the survey in its current for 120 s.
+``--hours 2`` runs the endurance test: memory of both processes and lost frames; ``--minutes 60``
+ends it after an hour by the clock. ``--rate 200`` makes 200 steps in a second, and the loop of
+ArduSub as many; 400 is the default of both. The figures of docs/results.md are of this script.
 """
 
 from __future__ import annotations
 
 import argparse
+import math
 import os
 import resource
 import tempfile
 import time
 from collections.abc import Sequence
+from dataclasses import replace
+from fractions import Fraction
 from pathlib import Path
 
 import numpy as np
@@ -26,7 +31,7 @@ from uuvsim_cosim.orchestrator.master.prepared import prepare
 from uuvsim_cosim.orchestrator.plan.flatten import flatten
 from uuvsim_cosim.orchestrator.plan.plan import Plan
 from uuvsim_cosim.orchestrator.running.run import run
-from uuvsim_cosim.orchestrator.shipped.autopilot import with_binary
+from uuvsim_cosim.orchestrator.shipped.autopilot import with_autopilot, with_binary
 from uuvsim_cosim.orchestrator.system.system import System
 
 
@@ -53,12 +58,20 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("binary", type=Path)
     parser.add_argument("--hours", type=float, default=0.0, help="endurance test instead")
+    parser.add_argument("--minutes", type=float, default=math.inf, help="its end by the clock")
+    parser.add_argument("--rate", type=int, default=400, help="Hz of the steps and of ArduSub")
+    parser.add_argument("--survey", type=float, default=0.0, help="seconds; the survey instead")
     parser.add_argument("--speed", type=float, default=0.0, help="seconds; time of a step instead")
     given = parser.parse_args()
-    system = with_binary(uuv.load("bluerov2_ardusub"), str(given.binary.absolute()))
+    binary = str(given.binary.absolute())
+    system = with_binary(uuv.load("bluerov2_ardusub"), binary)
     with tempfile.TemporaryDirectory() as name:
+        if given.rate != 400:
+            system = slower(system, given.rate, Path(name))
         if given.hours:
-            endurance(system, given.hours)
+            endurance(system, given.hours, given.minutes)
+        elif given.survey:
+            survey(binary, given.survey, Path(name))
         elif given.speed:
             fake = with_binary(uuv.load("bluerov2_ardusub"), str(compiled(Path(name) / "ardusub")))
             for _ in range(3):
@@ -66,6 +79,28 @@ def main() -> None:
                     print(f"{what}: {step_time(flown_by, given.speed)}", flush=True)
         else:
             figures(system, Path(name))
+
+
+def slower(system: System, rate: int, folder: Path) -> System:
+    """Return the system with this number of steps a second, and ArduSub's loop with the same."""
+    parameters = folder / "rate.parm"
+    parameters.write_text(f"SCHED_LOOP_RATE {rate}\n")
+    source = system.components["controller"].source
+    system = system.replace("controller", f"{source}&parameters={parameters}")
+    return replace(system, tick=Fraction(1, rate))
+
+
+def survey(binary: str, seconds: float, folder: Path) -> None:
+    """Print how far the survey with ArduSub is from its desired pose, in a current."""
+    system = with_binary(with_autopilot(uuv.load("bluerov2_survey"), "controller"), binary)
+    signals, times = flown(system, seconds, "survey", folder)
+    eta, eta_d = signals["hull.eta"], signals["guidance.eta_d"]
+    north, east = (eta - eta_d)[:, 0], (eta - eta_d)[:, 1]
+    across = east * np.cos(eta_d[:, 5]) - north * np.sin(eta_d[:, 5])
+    depth = eta[:, 2] - eta_d[:, 2]
+    print(f"survey for {seconds:g} s: {times}")
+    print(f"  RMS across the desired course {np.sqrt(np.mean(across**2)):.3f} m, "
+          f"of the depth {np.sqrt(np.mean(depth**2)):.3f} m")  # fmt: skip
 
 
 def figures(system: System, folder: Path) -> None:
@@ -156,22 +191,26 @@ def step_time(system: System, seconds: float) -> str:
     )
 
 
-def endurance(system: System, hours: float) -> None:
-    """Run for hours; print lost frames, and the memory of both processes over the time."""
+def endurance(system: System, hours: float, minutes: float) -> None:
+    """Run for hours, at most `minutes` by the clock; print lost frames and memory as it flies."""
     seconds, frames = 3600.0 * hours, Frames()
     plan = flatten(system)
     with Master(plan, prepare(plan, "native"), observers=[frames]) as master:
         master.initialize()
         start = time.monotonic()
-        for k in range(21):
-            master.run_until(k * seconds / 20)
+        while True:
             print(f"  {master.time:8.0f} s: {_memory(os.getpid()):6.1f} MB here, "
                   f"{_ardusub()[0]:6.1f} MB in ArduSub; frame {frames.last}, {frames.gaps} gaps; "
                   f"depth {master.get('hull', 'eta')[2]:.3f} m; "
-                  f"{time.monotonic() - start:.0f} s by the clock", flush=True)  # fmt: skip
+                  f"{time.monotonic() - start:.0f} s by the clock; "
+                  f"load {os.getloadavg()[0]:.1f}", flush=True)  # fmt: skip
+            if master.time >= seconds or time.monotonic() - start > 60.0 * minutes:
+                break
+            master.run_until(min(master.time + seconds / 144, seconds))
+        seconds = master.time
         counts = [c.counts for c in master.components if isinstance(c, ArduSub)]
     wall = time.monotonic() - start
-    print(f"{hours:g} h in {wall:.0f} s ({seconds / wall:.1f} x real time): "
+    print(f"{seconds / 3600:.2f} h in {wall:.0f} s ({seconds / wall:.1f} x real time): "
           f"{frames.rows} states, {frames.gaps} lost frames; "
           f"packets that were ignored or repeated: {counts}")  # fmt: skip
 

@@ -32,10 +32,15 @@ def test_a_run_with_mavlink_repeats_to_the_bit_from_its_recording(tmp_path: Path
     run = tmp_path / "run"
     steered = uuv.read_signals(run)
     assert np.ptp(steered["guidance.axes"], axis=0)[:3].min() > 0.1
+    guided = steered["guidance.setpoint_kind"] == 1.0
+    np.testing.assert_array_equal(
+        np.unique(steered["guidance.setpoint_pose"][guided][:, :3], axis=0), [[1.0, 0.5, 2.0]]
+    )
+    assert set(steered["guidance.mode"].tolist()) == {-1.0, float(_GUIDED), float(_MANUAL)}
     again = tmp_path / "again"
     command = [
         *(sys.executable, "-m", "uuvsim_cosim", "run", "bluerov2_hold", "--native", "--no-report"),
-        *("--replace", f"pilot=axes:{run}", "--scenario", str(run / "mavlink.yaml")),
+        *("--replace", f"pilot=axes:{run}", "--scenario", str(run / "changes.yaml")),
         *("--until", repr(float(steered.time[-1])), "--out", str(again)),
     ]
     subprocess.run(command, check=True, capture_output=True)

@@ -42,7 +42,7 @@ from uuvsim_cosim.errors import InputInvalid
 
 __all__ = ["ArduSub", "source", "thruster_commands"]
 
-_STREAMS = 10.0  # s between two messages
+_STREAMS, _TARGET = 10.0, 0.5  # s between two requests, and between two reports of its target
 # Beside ArduSub's own parameters of simulated submarines (sub.parm in the binary).
 _PARAMETERS = {
     "FRAME_CONFIG": 2,  # vectored_6dof
@@ -165,6 +165,7 @@ class ArduSub(Autopilot[JsonLink]):
         assert self._commands is not None
         if self._due("no_streams", timestamp, _STREAMS):
             self._commands.no_streams()  # reading them takes longer than a step
+            self._commands.report_target(_TARGET)
         super()._command(timestamp, t)
         if self._is_aided:
             self._send_aiding(timestamp, t)

@@ -17,6 +17,7 @@ __all__ = ["GUIDED", "AutopilotCommands"]
 
 log = logging.getLogger("uuvsim_cosim.ardusub")
 GUIDED = 4  # ArduSub's number of the mode
+_NO_POSITION = 0b111  # bits of a target without a position
 _POSITION_AND_YAW = 0b1001_1111_1000  # bits of the fields that are ignored: velocity, …, yaw rate
 _AND_VELOCITY = 0b1001_1100_0000
 _RADIUS = 6_378_100.0  # m, of ArduPilot's sphere
@@ -53,6 +54,7 @@ class AutopilotCommands:
         self._bytes = bytearray()
         self.armed = False
         self.mode = -1
+        self.target: tuple[float, float, float] | None = None  # N E D [m] of its own report
         self.texts: list[str] = []  # messages of the autopilot
 
     def heartbeat(self) -> None:
@@ -63,6 +65,12 @@ class AutopilotCommands:
     def no_streams(self) -> None:
         """Stop the messages that the autopilot sends regularly, except its heartbeat."""
         self._add(self._dialect.MAVLink_request_data_stream_message(self._system, 1, 0, 0, 0))
+
+    def report_target(self, period: float) -> None:
+        """Ask for the autopilot's own target each `period` [s]."""
+        d = self._dialect
+        message = d.MAVLINK_MSG_ID_POSITION_TARGET_GLOBAL_INT
+        self._command(d.MAV_CMD_SET_MESSAGE_INTERVAL, float(message), 1e6 * period)
 
     def arm(self, armed: bool) -> None:
         """Arm or disarm."""
@@ -84,8 +92,8 @@ class AutopilotCommands:
 
     def position(
         self, time: float, eta_d: Sequence[float], nu_d: Sequence[float] | None = None
-    ) -> None:
-        """Send a desired position N, E, D [m] and yaw [rad].
+    ) -> tuple[float, float, float]:
+        """Send a desired position N, E, D [m] and yaw [rad]; return the velocity N, E, D [m/s].
 
         With a velocity `nu_d` of the desired pose, in its own level axes, the pose is a target that
         moves. ArduSub follows it; without a velocity, it plans a path to the position and stops.
@@ -100,6 +108,7 @@ class AutopilotCommands:
                 n, e, d, north, east, w, 0, 0, 0, psi, 0,
             )
         )  # fmt: skip
+        return north, east, w
 
     def moved(
         self, time: float, period: float, turned: Sequence[float], moved: Sequence[float]
@@ -149,6 +158,13 @@ class AutopilotCommands:
         if kind == "HEARTBEAT" and message.get_srcComponent() == 1:
             self.armed = bool(message.base_mode & self._dialect.MAV_MODE_FLAG_SAFETY_ARMED)
             self.mode = (int(message.custom_mode) >> self._shift) & 0xFF
+        elif kind == "POSITION_TARGET_GLOBAL_INT":
+            n = math.radians(1e-7 * message.lat_int - HOME[0]) * _RADIUS
+            e = math.radians(1e-7 * message.lon_int - HOME[1]) * _RADIUS
+            self.target = (n, e * math.cos(math.radians(HOME[0])), -message.alt)
+        elif kind == "POSITION_TARGET_LOCAL_NED":
+            given = not message.type_mask & _NO_POSITION
+            self.target = (message.x, message.y, message.z) if given else None
         elif kind == "STATUSTEXT":
             self.texts.append(message.text)
             log.info("%s: %s", self._name, message.text)

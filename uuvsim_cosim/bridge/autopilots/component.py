@@ -99,6 +99,15 @@ def described(scheme: str, description: str, modes: str, own: Sequence[Variable]
         variable("armed", "output", False, None, "the autopilot is armed", "Boolean"),
         variable("mode_now", "output", -1, None, "mode of its last heartbeat", "Int32"),
         variable("frame", "output", 0.0, "1", "packets since its start"),
+        variable("setpoint_kind", "output", 0, None, "desired pose that was sent last: 0 none, "
+                 "1 a waypoint, 2 a target that moves", "Int32"),
+        variable("setpoint_pose", "output", [0.0] * 4, ("m", "m", "m", "rad"),
+                 "N E D and psi that were sent"),
+        variable("setpoint_velocity", "output", zero3, "m/s", "N E D that were sent"),
+        variable("pilot", "output", zero6, "1", "axes of `manual` that were sent"),
+        variable("has_target", "output", False, None, "the autopilot has reported a target",
+                 "Boolean"),
+        variable("target", "output", zero3, "m", "N E D to which the autopilot reports to go"),
     ]  # fmt: skip
     return Description(
         scheme, "python", {v.name: v for v in variables}, description=description,
@@ -190,6 +199,7 @@ class Autopilot(ABC, Generic[L]):
     guided: int  # number of the mode in which it follows `eta_d`
     streams = False  # whether it needs `eta_d` regularly, also if it rests
     _inputs: tuple[float, ...]
+    _setpoint: tuple[float, ...]  # pose and velocity that were sent
 
     def __init__(self, options: dict[str, str], path: str, description: Description) -> None:
         """Keep the options; the program starts at the end of initialization."""
@@ -286,6 +296,7 @@ class Autopilot(ABC, Generic[L]):
             for v in self.description.of("parameter")
         }
         self._inputs = self._in.start
+        self._setpoint, self._setpoint_kind, self._pilot = (0.0,) * 7, 0, (0.0,) * 6
         self._row = self._out.pack(self._out.start)
 
     def terminate(self) -> None:
@@ -420,6 +431,7 @@ class Autopilot(ABC, Generic[L]):
                 command(wish)
         if self._due("manual", timestamp, _PILOT):
             commands.manual(self._input("manual"))
+            self._pilot = self._input("manual")
         wanted, nu_d = self._input("eta_d"), self._input("nu_d")
         moves = any(nu_d) or "moves" in sent
         # For a waypoint, ArduSub plans a new path at each message: only changes are sent. A
@@ -432,7 +444,11 @@ class Autopilot(ABC, Generic[L]):
             sent["eta_d"] = wanted
             if moves:
                 sent["moves"] = True
-            commands.position(timestamp, wanted, nu_d if moves else None)
+            velocity = commands.position(timestamp, wanted, nu_d if moves else None)
+            self._setpoint = (*wanted[:3], wanted[5], *velocity)
+            self._setpoint_kind = 2 if moves else 1
+        elif mode != self.guided:
+            self._setpoint, self._setpoint_kind = (0.0,) * 7, 0
 
     def _due(self, name: str, timestamp: float, period: float) -> bool:
         """Return whether a message is due again, and note it."""
@@ -451,8 +467,11 @@ class Autopilot(ABC, Generic[L]):
     ) -> None:  # fmt: skip
         """Set all outputs; `channels` are those that an autopilot has for itself."""
         assert self._commands is not None
-        mode = self._commands.mode
-        self._row = self._out.pack((*u, lights, gripper, tilt, *channels, frame, mode, armed))
+        mode, target = self._commands.mode, self._commands.target
+        self._row = self._out.pack((
+            *u, lights, gripper, tilt, *channels, frame, *self._setpoint, *self._pilot,
+            *(target or (0.0, 0.0, 0.0)), mode, self._setpoint_kind, armed, target is not None,
+        ))  # fmt: skip
 
     def _failed(self, error: UuvsimError) -> ComponentFailed:
         self.terminate()

@@ -19,7 +19,7 @@ from typing import Any, final
 import numpy as np
 from numpy.typing import ArrayLike
 
-from uuvsim_cosim.bridge.http.manual_axes import ManualAxes, manual_axes_of
+from uuvsim_cosim.bridge.http.manual_axes import ManualAxes, SetPoint, manual_axes_of
 from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.fmus.component import Binding, BindingKind, Component
 from uuvsim_cosim.fmus.description import Description, Variable
@@ -129,6 +129,7 @@ class ManualOverlay:
         return Binding(BindingKind.CALLBACK, 0, {})
 
 
+_NONE = (0.0, 0.0, 0.0, 0.0)
 _ETA = (6, ("m", "m", "m", "rad", "rad", "rad"))
 _NU = (6, ("m/s", "m/s", "m/s", "rad/s", "rad/s", "rad/s"))
 
@@ -137,6 +138,8 @@ class Piloted:
     """A person at a page: desired pose and velocity, and a policy's accelerations.
 
     The output `axes` are those of the step that ends, so that a recording contains every command.
+    If a client over MAVLink has computed them, `mode` is its mode (-1: none, or disarmed), and its
+    set-point is the pose (`setpoint_kind` 1) or the velocity (2); otherwise the kind is 0.
     """
 
     inputs = {"eta": _ETA, "nu": _NU}  # noqa: RUF012
@@ -146,6 +149,10 @@ class Piloted:
         "a": "m/s2",
         "omega": "rad/s",
         "axes": (4, "1"),
+        "mode": "1",
+        "setpoint_kind": "1",
+        "setpoint_pose": (4, ("m", "m", "m", "rad")),
+        "setpoint_velocity": (4, ("m/s", "m/s", "m/s", "rad/s")),
     }
     parameters = {  # noqa: RUF012
         "surge_max": (0.5, "m/s"),
@@ -164,6 +171,10 @@ class Piloted:
         self.pose: list[float] = []  # desired N E D psi; empty before the first step
         self.velocity = [0.0, 0.0, 0.0, 0.0]  # desired u v w r
 
+    def initialize(self, t: float) -> dict[str, object]:
+        """Begin without a client."""
+        return {"mode": SetPoint().mode}
+
     def step(self, t: float, dt: float, u: dict[str, Any]) -> dict[str, object]:
         """Move the desired pose by the manual axes."""
         eta, nu = [float(x) for x in u["eta"]], u["nu"]
@@ -171,7 +182,7 @@ class Piloted:
             self.pose = [*eta[:3], eta[5]]
         largest = (self.surge_max, self.sway_max, self.heave_max, self.yaw_max)
         changes = (self.a_max, self.a_max, self.a_max, self.r_dot_max)
-        axes = self.axes_at(t + dt)
+        axes, setpoint = self.commands_at(t + dt)
         for i, s in enumerate(axes):
             most = changes[i] * dt
             self.velocity[i] += _within(s * largest[i] - self.velocity[i], most)
@@ -184,11 +195,15 @@ class Piloted:
             "a": _within(self.k_u * (u_d - float(nu[0])), self.a_max),
             "omega": r_d,
             "axes": axes,
+            "mode": setpoint.mode,
+            "setpoint_kind": 1.0 if setpoint.pose else 2.0 if setpoint.velocity else 0.0,
+            "setpoint_pose": setpoint.pose or _NONE,
+            "setpoint_velocity": setpoint.velocity or _NONE,
         }
 
-    def axes_at(self, t: float) -> tuple[float, float, float, float]:
-        """Return the axes of the step that ends at time t [s]."""
-        return self.manual_axes.now()
+    def commands_at(self, t: float) -> tuple[tuple[float, float, float, float], SetPoint]:
+        """Return the axes and the set-point of the step that ends at time t [s]."""
+        return self.manual_axes.commands()
 
     def _move(self, eta: list[float], dt: float) -> None:
         """Integrate the desired pose; it stays within `lead` and `lead_psi` of the vehicle."""

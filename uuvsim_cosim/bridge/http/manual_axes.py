@@ -10,13 +10,13 @@ import threading
 from collections.abc import Callable, Mapping
 from math import inf, isfinite
 from time import monotonic
-from typing import final
+from typing import NamedTuple, final
 
 from uuvsim_cosim.bridge.access.roles import check
 from uuvsim_cosim.bridge.calls.service import Client, Service
 from uuvsim_cosim.errors import InputInvalid
 
-__all__ = ["AXES", "ManualAxes", "manual_axes_of", "pilots", "steer"]
+__all__ = ["AXES", "ManualAxes", "SetPoint", "manual_axes_of", "pilots", "steer"]
 
 AXES = ("surge", "sway", "heave", "yaw")  # of the body: ahead, to starboard, down, to starboard
 LASTS = 0.5  # [s] for which the values of a page hold
@@ -24,6 +24,14 @@ HELD = 3.0  # [s] of silence after which another page may pilot
 
 _FIELDS = ("page", "component", "axes", "release")  # of a page's request
 _known: dict[str, ManualAxes] = {}
+
+
+class SetPoint(NamedTuple):
+    """The command of a client that computes the axes, such as a vehicle over MAVLink."""
+
+    mode: float = -1.0  # number of its mode; -1: there is no such client, or it is disarmed
+    pose: tuple[float, float, float, float] | None = None  # N E D [m], psi [rad]
+    velocity: tuple[float, float, float, float] | None = None  # N E D [m/s], r [rad/s]
 
 
 @final
@@ -37,9 +45,14 @@ class ManualAxes:
         self._page: str | None = None
         self._updated = -inf  # time of the last values
         self._axes = dict.fromkeys(AXES, 0.0)
+        self._setpoint = SetPoint()
 
-    def update(self, page: str, axes: Mapping[str, object]) -> str | None:
+    def update(
+        self, page: str, axes: Mapping[str, object], setpoint: SetPoint | None = None
+    ) -> str | None:
         """Set the axes from a page, limited to [-1, 1]; return a message if another page controls.
+
+        `setpoint` is the command from which a client has computed them.
 
         Raises InputInvalid for other names or values.
         """
@@ -61,6 +74,7 @@ class ManualAxes:
                     f"{HELD:g} s"
                 )
             self._page, self._updated, self._axes = page, now, fitted
+            self._setpoint = setpoint or SetPoint()
             return None
 
     def release(self, page: str) -> None:
@@ -71,10 +85,14 @@ class ManualAxes:
 
     def now(self) -> tuple[float, float, float, float]:
         """Return surge, sway, heave and yaw, each from -1 to 1; zeros if no values hold."""
+        return self.commands()[0]
+
+    def commands(self) -> tuple[tuple[float, float, float, float], SetPoint]:
+        """Return the axes, and the set-point from which they were computed."""
         with self._lock:
             live = self._page is not None and self._clock() - self._updated < LASTS
             surge, sway, heave, yaw = (self._axes[name] if live else 0.0 for name in AXES)
-        return surge, sway, heave, yaw
+            return (surge, sway, heave, yaw), self._setpoint if live else SetPoint()
 
     @property
     def is_held(self) -> bool:

@@ -1,5 +1,7 @@
 """The source `axes:RUN`: the axes that a pilot had in a recorded run, at the same times again.
 
+The set-points from which a client over MAVLink computed the axes are repeated as outputs.
+
 A person, a page or MAVLink moves a vehicle by the axes of `keyboard`, which the recording contains
 as the pilot's output `axes`. With them, a run repeats to the bit without these clients.
 """
@@ -15,7 +17,7 @@ from pathlib import Path
 import numpy as np
 
 from uuvsim_cosim.bridge.http.keyboard import Piloted, piloted
-from uuvsim_cosim.bridge.http.manual_axes import AXES
+from uuvsim_cosim.bridge.http.manual_axes import AXES, SetPoint
 from uuvsim_cosim.errors import InputInvalid, RecordingError
 from uuvsim_cosim.fmus.component import Component
 from uuvsim_cosim.fmus.description import Description
@@ -28,17 +30,18 @@ from uuvsim_cosim.orchestrator.system.system import System
 __all__ = ["RecordedAxesSource", "source", "with_recorded_axes"]
 
 _Axes = tuple[float, float, float, float]
-_STILL: _Axes = (0.0, 0.0, 0.0, 0.0)
+_Commands = tuple[_Axes, SetPoint]
+_STILL: _Commands = (0.0, 0.0, 0.0, 0.0), SetPoint()
 
 
 class Repeated(Piloted):
     """A pilot whose axes are those of a recording; after its end they are zero."""
 
     tick = 1.0  # [s]
-    table: Mapping[int, _Axes] = {}  # by tick, at the end of the step
+    table: Mapping[int, _Commands] = {}  # by tick, at the end of the step
 
-    def axes_at(self, t: float) -> _Axes:
-        """Return the axes of the step that ends at time t [s]."""
+    def commands_at(self, t: float) -> _Commands:
+        """Return the axes and the set-point of the step that ends at time t [s]."""
         return self.table.get(round(t / self.tick), _STILL)
 
 
@@ -73,8 +76,11 @@ class RecordedAxesSource:
 
 
 @cache
-def _read(recording: Path, path: str) -> tuple[float, Mapping[int, _Axes]]:
-    """Return the tick [s] and the axes by tick; raises RecordingError if they are incomplete."""
+def _read(recording: Path, path: str) -> tuple[float, Mapping[int, _Commands]]:
+    """Return the tick [s] and the commands by tick; raises RecordingError if they are incomplete.
+
+    Recordings of earlier versions have no set-points.
+    """
     signals = read_signals(recording)
     name = f"{path}.axes"
     if name not in signals:
@@ -84,7 +90,20 @@ def _read(recording: Path, path: str) -> tuple[float, Mapping[int, _Axes]]:
     if np.any(np.diff(signals.ticks) != 1):
         raise RecordingError(str(recording), "does not contain every step", "all steps of a run")
     rows = np.asarray(signals[name], float).reshape(-1, len(AXES)).tolist()
-    table = {int(tick): tuple(row) for tick, row in zip(signals.ticks, rows, strict=True)}
+    setpoints = [SetPoint()] * len(rows)
+    if f"{path}.setpoint_kind" in signals:
+        mode, kind, pose, velocity = (
+            np.asarray(signals[f"{path}.{name}"], float).tolist()
+            for name in ("mode", "setpoint_kind", "setpoint_pose", "setpoint_velocity")
+        )
+        setpoints = [
+            SetPoint(m, tuple(p) if k == 1.0 else None, tuple(v) if k == 2.0 else None)
+            for m, k, p, v in zip(mode, kind, pose, velocity, strict=True)
+        ]
+    table: dict[int, _Commands] = {
+        int(tick): (tuple(row), setpoint)
+        for tick, row, setpoint in zip(signals.ticks, rows, setpoints, strict=True)
+    }
     return _tick(signals.metadata, recording), table
 
 

@@ -12,7 +12,7 @@ from time import monotonic
 from typing import Any, final
 
 from uuvsim_cosim.bridge.calls.service import Client, Service
-from uuvsim_cosim.bridge.http.manual_axes import AXES, manual_axes_of, pilots
+from uuvsim_cosim.bridge.http.manual_axes import AXES, SetPoint, manual_axes_of, pilots
 from uuvsim_cosim.bridge.mavlink.dataflash import DataFlashLog
 from uuvsim_cosim.bridge.mavlink.missions import WAYPOINT, Missions
 from uuvsim_cosim.bridge.mavlink.vehicle import (
@@ -26,9 +26,7 @@ from uuvsim_cosim.bridge.mavlink.vehicle import (
 )
 from uuvsim_cosim.errors import UuvsimError
 
-__all__ = ["SCENARIO", "Services"]
-
-SCENARIO = "mavlink.yaml"  # in the folder of a recording: parameters that were set over MAVLink
+__all__ = ["Services"]
 
 MODES = {0: "STABILIZE", 2: "ALT_HOLD", 3: "AUTO", 4: "GUIDED", 9: "SURFACE", 16: "POSHOLD",
          19: "MANUAL"}  # fmt: skip
@@ -386,25 +384,12 @@ class Services:
         if m.param_id in self._parameters and isfinite(m.param_value):
             try:
                 name = self._parameters[m.param_id]
-                moment = self._service.set(self._client, {name: m.param_value})
-                self._note(moment.time, name, m.param_value)
+                self._service.set(self._client, {name: m.param_value})
             except UuvsimError as error:
                 self.report(str(error))
         values = self._values()
         if m.param_id in values:  # the old value, if the new one was refused
             self._send_parameter(m.param_id, values, peer)
-
-    def _note(self, at: float, name: str, value: float) -> None:
-        """Add the change of a parameter to the scenario in the folder of the recording."""
-        for folder in self._service.folders[-1:]:
-            path = folder / SCENARIO
-            event = f"- {{at: {at!r}, set: {name}, value: {value!r}}}\n"
-            try:
-                begun = path.exists()
-                with path.open("a", encoding="utf-8") as file:
-                    file.write(event if begun else f"events:\n{event}")
-            except OSError as error:
-                self.report(f"{SCENARIO}: {error.strerror}")
 
     # ---- logs -----------------------------------------------------------------------------
 
@@ -453,7 +438,7 @@ class Services:
         """Set the pilot's axes; without a command they are zero and the vehicle keeps its place."""
         if self.pilot is None:
             return
-        now, axes = monotonic(), (0.0, 0.0, 0.0, 0.0)
+        now, axes, setpoint = monotonic(), (0.0, 0.0, 0.0, 0.0), SetPoint(self.mode)
         if not self.armed:
             manual_axes_of(self.pilot).release(f"mavlink-{self._id}")
             return
@@ -467,11 +452,14 @@ class Services:
         if self.mode in (3, 4, 9):
             v = self._desired()
             if v is not None:
+                setpoint = SetPoint(self.mode, self._target, None if self._target else v)
                 c, k = cos(self.state.eta[5]), sin(self.state.eta[5])
                 body = (c * v[0] + k * v[1], c * v[1] - k * v[0], v[2], v[3])
                 x = [max(-1.0, min(1.0, a / m)) for a, m in zip(body, self._limits, strict=True)]
                 axes = (x[0], x[1], x[2], x[3])
-        manual_axes_of(self.pilot).update(f"mavlink-{self._id}", dict(zip(AXES, axes, strict=True)))
+        manual_axes_of(self.pilot).update(
+            f"mavlink-{self._id}", dict(zip(AXES, axes, strict=True)), setpoint
+        )
 
     def _desired(self) -> tuple[float, float, float, float] | None:
         """Return the desired velocity in NED [m/s] and rate of turn [rad/s]."""

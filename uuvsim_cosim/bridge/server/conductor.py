@@ -196,7 +196,7 @@ class Conductor(Service, Closing):
             case "get":
                 return current.names.get(*arguments)
             case "set":
-                current.names.set(current.names.fit(*arguments))
+                current.set(current.names.fit(*arguments))
             case "step":
                 return self._step(client, answer, *arguments)
             case "run":
@@ -256,7 +256,7 @@ class Conductor(Service, Closing):
         self._lockstep.check_free(client, "step")
         for name in outputs:  # before anything changes, as it may raise
             current.names.find(name)
-        current.names.set(current.names.fit(inputs or {}))
+        current.set(current.names.fit(inputs or {}))
 
         def result() -> tuple[Moment, dict[str, Any]]:
             return current.moment(), current.names.get(outputs)

@@ -14,7 +14,7 @@ from uuvsim_cosim.bridge.server.active_run import Record, Running
 from uuvsim_cosim.bridge.server.call_queue import Answer
 from uuvsim_cosim.bridge.server.playback import Playback, Stepped, is_recording
 from uuvsim_cosim.bridge.server.row_distributor import RowDistributor
-from uuvsim_cosim.bridge.server.signal_names import Names
+from uuvsim_cosim.bridge.server.signal_names import Fitted, Names
 from uuvsim_cosim.bridge.server.snapshots import Snapshots
 from uuvsim_cosim.errors import InputInvalid, UuvsimError
 from uuvsim_cosim.orchestrator.master.master import Master
@@ -109,6 +109,11 @@ class CurrentMaster:
             **({} if self._replay is None else self._replay.described),
             "components": self._components,
         }
+
+    def set(self, values: Sequence[Fitted]) -> None:
+        """Set values that `names.fit` has returned, and note them beside the recording."""
+        self.names.set(values)
+        self.rows.note(self.master.time, values)
 
     # ---- stepping -------------------------------------------------------------------------
 

@@ -248,7 +248,7 @@ class Lockstep:
             n = min(request.n for _, request in asked)
             try:
                 for _, request in asked:
-                    self._current.names.set(request.inputs)
+                    self._current.set(request.inputs)
                     request.inputs = ()  # they hold in all steps of the request
                 self._current.step(n)
             except UuvsimError as error:

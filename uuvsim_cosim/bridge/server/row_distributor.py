@@ -10,6 +10,8 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import final
 
+from uuvsim_cosim.bridge.server.noted_changes import NotedChanges
+from uuvsim_cosim.bridge.server.signal_names import Fitted
 from uuvsim_cosim.errors import RecordingError
 from uuvsim_cosim.orchestrator.master.observer import Chunk, Column, Observer
 from uuvsim_cosim.orchestrator.plan.plan import Plan
@@ -31,6 +33,7 @@ class RowDistributor:
         self._provenance = dict(provenance)
         self._observers: list[Observer] = []
         self._recorder: Recorder | None = None
+        self._changes: NotedChanges | None = None
         self._plan: Plan | None = None
         self.columns: Sequence[Column] = ()
         self.folders: list[Path] = []
@@ -54,12 +57,18 @@ class RowDistributor:
             return
         folder = lock_run_folder(self._record)
         self.folders.append(folder.path)
+        self._changes = NotedChanges(folder.path)
         self._recorder = Recorder(folder.path, provenance=self._provenance)
         self._recorder.begin(self._plan, self.columns)
 
+    def note(self, at: float, values: Sequence[Fitted]) -> None:
+        """Add values that a client has set at time `at` [s] to the recording, if there is one."""
+        if self._changes is not None:
+            self._changes.note(at, values)
+
     def close(self) -> None:
         """Complete the recording."""
-        recorder, self._recorder = self._recorder, None
+        recorder, self._recorder, self._changes = self._recorder, None, None
         if recorder is not None:
             recorder.end()
 

@@ -23,8 +23,10 @@ from uuvsim_cosim.commands.shared.progress import RunProgress
 from uuvsim_cosim.commands.shared.system_options import (
     MAP,
     SET,
+    ArdusubBinary,
     ArmReal,
     Force,
+    Px4Build,
     Unsigned,
     VehicleOfMission,
     edited_system,
@@ -90,14 +92,8 @@ def run_command(
             autocompletion=replacements, help="component=source: an .fmu, FILE.py:Class, model:…"
         ),
     ] = None,
-    ardusub: Annotated[
-        str | None,
-        typer.Option(help="ArduSub's simulation binary; by default `ardusub` in the PATH."),
-    ] = None,
-    px4: Annotated[
-        str | None,
-        typer.Option(help="PX4's build folder, or its binary; by default `px4` in the PATH."),
-    ] = None,
+    ardusub: ArdusubBinary = None,
+    px4: Px4Build = None,
     map_: Annotated[
         list[str] | None, typer.Option("--map", help=f"{MAP}, or component=FILE.ssm.")
     ] = None,

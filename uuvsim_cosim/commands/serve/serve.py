@@ -19,8 +19,10 @@ from uuvsim_cosim.commands.shared.options import assignments, folder_option, rat
 from uuvsim_cosim.commands.shared.system_options import (
     MAP,
     SET,
+    ArdusubBinary,
     ArmReal,
     Force,
+    Px4Build,
     Unsigned,
     VehicleOfMission,
     edited_system,
@@ -128,14 +130,8 @@ def serve_command(
             autocompletion=replacements, help="component=source: .fmu, FILE.py:Class, keyboard"
         ),
     ] = None,
-    ardusub: Annotated[
-        str | None,
-        typer.Option(help="ArduSub's simulation binary; by default `ardusub` in the PATH."),
-    ] = None,
-    px4: Annotated[
-        str | None,
-        typer.Option(help="PX4's build folder, or its binary; by default `px4` in the PATH."),
-    ] = None,
+    ardusub: ArdusubBinary = None,
+    px4: Px4Build = None,
     map_: Annotated[
         list[str] | None, typer.Option("--map", help=f"{MAP}, or component=FILE.ssm.")
     ] = None,

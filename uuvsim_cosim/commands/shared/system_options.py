@@ -21,8 +21,10 @@ if TYPE_CHECKING:
 __all__ = [
     "MAP",
     "SET",
+    "ArdusubBinary",
     "ArmReal",
     "Force",
+    "Px4Build",
     "Unsigned",
     "VehicleOfMission",
     "edited_system",
@@ -49,6 +51,16 @@ Force = Annotated[
     typer.Option("--force", help="Run parts that are made for another vehicle; each is a warning."),
 ]
 
+ArdusubBinary = Annotated[
+    str | None,
+    typer.Option(
+        "--ardusub", help="ArduSub's simulation binary; by default `ardusub` in the PATH."
+    ),
+]
+Px4Build = Annotated[
+    str | None,
+    typer.Option("--px4", help="PX4's build folder, or its binary; by default `px4` in the PATH."),
+]
 ArmReal = Annotated[
     bool, typer.Option("--arm-real", help="Send commands to a vehicle that is followed.")
 ]
