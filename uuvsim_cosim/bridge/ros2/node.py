@@ -14,12 +14,15 @@ from typing import Any, final
 
 import numpy as np
 
+from uuvsim_cosim.bridge.access.access_file import Access
+from uuvsim_cosim.bridge.access.zenoh_permissions import endpoints
 from uuvsim_cosim.bridge.ros2.cdr import MessageLayout
 from uuvsim_cosim.bridge.ros2.ends import Ends, Reports
 from uuvsim_cosim.bridge.ros2.facts import Facts, Place, facts_of
 from uuvsim_cosim.bridge.ros2.frames import Array
 from uuvsim_cosim.bridge.ros2.inputs import Input, System, inputs_of, read_inputs
 from uuvsim_cosim.bridge.ros2.interfaces import with_services
+from uuvsim_cosim.bridge.ros2.permissions import guarded_node
 from uuvsim_cosim.bridge.ros2.receiver import Receiver
 from uuvsim_cosim.bridge.ros2.rmw_zenoh import (
     DEFAULT,
@@ -52,6 +55,9 @@ __all__ = ["ROUTER_PORT", "Ros2Node"]
 
 ROUTER_PORT = 7447  # of rmw_zenohd
 CLOCK = "rosgraph_msgs/msg/Clock"
+_HERE = ("127.0.0.1",)
+# Nodes of rmw_zenoh find each other by gossip; the cache of latched topics needs time stamps.
+_SETTINGS: dict[str, object] = {"scouting/gossip/enabled": True, "timestamping/enabled": True}
 _CHUNKS = 256  # chunks of rows that wait at most; older ones are dropped
 _ROWS = 64  # of a chunk at most: a run that is as fast as possible sends its newest rows
 _LOOK = 0.1  # [s] between two checks which topics have a subscriber
@@ -66,11 +72,14 @@ class Ros2Node(Owner):
     a subscriber; a subscriber that is slow loses messages and never delays the system. The node is
     called `name`, by default as the system, in `domain` (default: ROS_DOMAIN_ID, or 0).
 
-    Inputs and services have no authentication; without `commands` they are not opened. `resume`
-    runs the system at `factor` of real time. Faults of other nodes are passed to `report` and kept
-    in `reports`; none of them ends the node. `origin` is the place of the origin of `n`, which
-    positions on Earth need. Raises InputInvalid without the extra ``ros``, for an unknown
-    distribution, for mistakes in `topics`, and if another program uses the port.
+    Topics, inputs and services have no authentication; without `commands`, inputs and services are
+    not opened. With an `access` that has an authority of certificates, the node is a router that
+    listens at `hosts` with mutual TLS, and the role of a peer's certificate determines what the
+    peer may read, set and call. `resume` runs the system at `factor` of real time. Faults of other
+    nodes are passed to `report` and kept in `reports`; none of them ends the node. `origin` is the
+    place of the origin of `n`, which positions on Earth need. Raises InputInvalid without the extra
+    ``ros``, for an unknown distribution, for mistakes in `topics`, and if another program uses the
+    port.
     """
 
     def __init__(
@@ -83,6 +92,8 @@ class Ros2Node(Owner):
         domain: int | None = None,
         port: int = ROUTER_PORT,
         commands: bool = True,
+        access: Access | None = None,
+        hosts: Sequence[str] = _HERE,
         factor: float = 1.0,
         report: Callable[[str], None] = lambda text: None,
         origin: Place | None = None,
@@ -97,9 +108,14 @@ class Ros2Node(Owner):
         self._ring: deque[tuple[_Publishing, Array, Array]] = deque(maxlen=_CHUNKS)
         self._wake, self._over = threading.Event(), False
         with self._opening() as opened:
-            session, self.is_router = _session(port)
-            opened.callback(session.close)
             given = name or _node_name(str(conductor.describe()["system"]))
+            if access is None:
+                session, self.is_router = _session(port)
+            else:
+                settings = _SETTINGS | guarded_node(access, self.domain, given)
+                session, self.is_router = listening(port, hosts, settings, tls=True), True
+            opened.callback(session.close)
+            self.addresses = endpoints(hosts if access else _HERE, port, tls=access is not None)
             self.node = Entity(given, str(session.raw.zid()), domain=self.domain)
             self._token = session.token(node_token(self.node))
             self.reports = Reports(report)
@@ -294,17 +310,15 @@ class _Publisher:
 
 def _session(port: int) -> tuple[WrappedSession, bool]:
     """Return a session with the router at a port of this machine, or the router's itself."""
-    # Nodes of rmw_zenoh find each other by gossip; the cache of latched topics needs time stamps.
-    settings = {"scouting/gossip/enabled": True, "timestamping/enabled": True}
     try:
-        return connecting("127.0.0.1", port, settings), False
+        return connecting("127.0.0.1", port, _SETTINGS), False
     except NoSession:
         raise InputInvalid(
             f"ROS 2: port {port} of this machine is in use by another program",
             "the router of rmw_zenoh there, or nothing",
         ) from None
     except Disconnected:
-        return listening(port, settings=settings), True
+        return listening(port, settings=_SETTINGS), True
 
 
 def _latched(session: WrappedSession, key: str) -> Any:
