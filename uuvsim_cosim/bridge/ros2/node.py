@@ -300,7 +300,7 @@ class _Publisher:
     @property
     def is_wanted(self) -> bool:
         """Whether there is a subscriber."""
-        return not self._is_latched and bool(self._raw.matching_status)
+        return not self._is_latched and bool(self._raw.matching_status.matching)
 
     def put(self, message: bytes) -> None:
         """Publish a message now."""

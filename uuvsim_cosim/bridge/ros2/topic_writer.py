@@ -64,12 +64,24 @@ class TopicColumns:
     _last: float = -np.inf  # time of the last sample [s]
     _at: float = -np.inf  # time of the last row [s]
     _state: bytes = b""  # of the last message
-    _figures: dict[str, float] = field(default_factory=dict)
+    _sampled: float = -np.inf  # time of the last sample, also of one without a message [s]
+    _period: float = np.inf  # of the samples [s]
+    _figures: dict[str, float] | None = None
 
     @property
     def conversion(self) -> Conversion:
         """The conversion of signals into fields."""
         return CONVERSIONS.get(self.topic.type, _PLAIN)
+
+    def rests(self, block: Block) -> bool:
+        """Return whether the topic's rate leaves out every row of a block; cheap to ask."""
+        time, rate = block.time, self.topic.rate
+        if rate is None or self._period == np.inf or not len(time) or self.conversion.has_states:
+            return False
+        if time[0] < self._at or time[-1] >= self._last + (1 - 1e-9) / float(rate):
+            return False
+        self._at = time[-1]
+        return True
 
     def columns(self, block: Block) -> tuple[Array, Mapping[str, Array]]:
         """Return the times [s] of the samples, and the columns of the message's fields."""
@@ -82,7 +94,7 @@ class TopicColumns:
         values = {
             role: np.asarray(block[name])[chosen] for role, name in self.topic.signals.items()
         }
-        return time, block.time[chosen], values, self._of_sensor(time)
+        return time, block.time[chosen], values, self._of_sensor()
 
     def _samples(self, block: Block) -> tuple[Array, Array]:
         """Return the times [s] of new messages, and the rows of the block that hold them."""
@@ -90,7 +102,7 @@ class TopicColumns:
         time, keep = block.time, np.ones(len(block.time), bool)
         if len(time):
             if time[0] < self._at:  # a reset, or an earlier snapshot
-                self._last, self._state = -np.inf, b""
+                self._last, self._sampled, self._state = -np.inf, -np.inf, b""
             self._at = float(time[-1])
         if f"{path}.t_sample" in block and conversion is not _PLAIN and not conversion.prefixes:
             time = np.asarray(block[f"{path}.t_sample"])
@@ -104,6 +116,7 @@ class TopicColumns:
                     lost = self._thinned(time, np.flatnonzero(~valid | keep), 1.0)
                     keep[lost] = True
         chosen = np.flatnonzero(keep)
+        self._measure(time[chosen])
         if self.topic.rate is not None:
             thinned = self._thinned(time, chosen, 1 / float(self.topic.rate))
             chosen = np.union1d(thinned, self._changes(block)).astype(int)
@@ -132,14 +145,22 @@ class TopicColumns:
                 last = time[i]
         return np.array(kept, int)
 
-    def _of_sensor(self, time: Array) -> Mapping[str, object]:
+    def _measure(self, time: Array) -> None:
+        """Keep the period of the samples, from which the noise of one sample follows."""
+        if not len(time):
+            return
+        shortest = float(np.min(np.diff(time, prepend=self._sampled)))
+        self._sampled = float(time[-1])
+        if 0.0 < shortest < self._period * (1 - 1e-6):
+            self._period, self._figures = shortest, None
+
+    def _of_sensor(self) -> Mapping[str, object]:
         facts = self.facts.get(self.topic.component, {})
         if self.conversion.needs:
             return facts
-        if not self._figures and facts and len(time) > 1:
-            period = float(np.min(np.diff(time)))
+        if self._figures is None:
             parameters = {name: v for name, v in facts.items() if not name.startswith("@")}
-            self._figures = sensor_figures(self.topic.type, parameters, period)
+            self._figures = sensor_figures(self.topic.type, parameters, self._period)
         return self._figures
 
 
@@ -161,6 +182,8 @@ class TopicWriter:
 
         The times are those at which the messages are there. Headers have the times of the samples.
         """
+        if self._samples.rests(block):
+            return np.zeros(0, np.int64), ()
         time, there, values, figures = self._samples.samples(block)
         self.count += len(time)
         if not len(time):
