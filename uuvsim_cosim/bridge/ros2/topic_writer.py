@@ -181,14 +181,13 @@ class TopicWriter:
 
     def __post_init__(self) -> None:
         self._samples = TopicColumns(self.topic, self.facts)
+        self.rests = self._samples.rests
 
     def messages(self, block: Block) -> tuple[Array, Sequence[Array]]:
         """Return the times [ns] and bytes of the messages of a block.
 
         The times are those at which the messages are there. Headers have the times of the samples.
         """
-        if not len(block.time) or self._samples.rests(block):
-            return np.zeros(0, np.int64), ()
         time, there, values, figures = self._samples.samples(block)
         self.count += len(time)
         if not len(time):
