@@ -6,7 +6,7 @@ import json
 import queue
 import struct
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from typing import Any
 
@@ -22,12 +22,22 @@ GID = bytes(range(16))
 
 
 @contextmanager
-def ros(port: int) -> Iterator[zenoh.Session]:
-    """Open a session as rmw_zenoh does: a peer that connects to the router of its machine."""
+def ros(
+    port: int, tls: Mapping[str, object] | None = None, mode: str = "peer"
+) -> Iterator[zenoh.Session]:
+    """Open a session as rmw_zenoh does: a peer that connects to the router of its machine.
+
+    The `mode` router is that router itself; it reaches another machine by `tls`.
+    """
+    kind = "tcp" if tls is None else "tls"
     config = zenoh.Config()
-    config.insert_json5("mode", '"peer"')
-    config.insert_json5("connect/endpoints", json.dumps([f"tcp/127.0.0.1:{port}"]))
+    config.insert_json5("mode", json.dumps(mode))
+    config.insert_json5("connect/endpoints", json.dumps([f"{kind}/127.0.0.1:{port}"]))
     config.insert_json5("scouting/multicast/enabled", "false")
+    if mode == "router":
+        config.insert_json5("listen/endpoints", json.dumps(["tcp/127.0.0.1:0"]))
+    if tls is not None:
+        config.insert_json5("transport/link/tls", json.dumps(tls))
     with zenoh.open(config) as session:
         yield session
 
@@ -102,11 +112,24 @@ def call(
     session: zenoh.Session, name: str, type_: str, request: Any = None, number: int = 1
 ) -> tuple[Any, bytes]:
     """Call a service; return its response and what is attached to it."""
+    replies = asked(session, name, type_, request, number)
+    assert len(replies) == 1, replies
+    [reply] = replies
+    assert reply.ok is not None, reply.err
+    assert reply.ok.attachment is not None
+    response = STORE.deserialize_cdr(reply.ok.payload.to_bytes(), f"{type_}_Response")
+    return response, reply.ok.attachment.to_bytes()
+
+
+def asked(
+    session: zenoh.Session, name: str, type_: str, request: Any = None, number: int = 1
+) -> list[zenoh.Reply]:
+    """Return what answers a call of a service."""
     if request is None:
         request = made(f"{type_}_Request")
     data = bytes(STORE.serialize_cdr(request, f"{type_}_Request"))
     attached = struct.pack("<qqB", number, time.time_ns(), 16) + GID
-    replies = list(
+    return list(
         session.get(
             f"0/{name[1:]}/{dds(type_)}/{STORE.hash_rihs01(type_)}",
             payload=data,
@@ -116,12 +139,6 @@ def call(
             timeout=PATIENCE,
         )
     )
-    assert len(replies) == 1, replies
-    [reply] = replies
-    assert reply.ok is not None, reply.err
-    assert reply.ok.attachment is not None
-    response = STORE.deserialize_cdr(reply.ok.payload.to_bytes(), f"{type_}_Response")
-    return response, reply.ok.attachment.to_bytes()
 
 
 class Said:

@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 import uuvsim_cosim as uuv
+from uuvsim_cosim.bridge.access.certificates import make_certificates
 from uuvsim_cosim.cli import status_of
 
 ANY = ("--port", "0", "--tcp-port", "0", "--http-port", "0", "--no-record", "--until", "0.1")
@@ -51,3 +52,28 @@ def test_a_mistake_in_the_inputs_ends_the_command(
     )
     assert status_of([*served, "--topics", "t.yaml"]) == 2
     assert "t.yaml:3: /v: no signal 'controller.nu_f'; expected one such" in capsys.readouterr().err
+
+
+def test_with_an_authority_of_certificates_the_node_is_reachable_by_roles(
+    served: list[str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    make_certificates("pki", clients=["rov-1"])
+    Path("access.yaml").write_text(
+        "tls: {certificate: pki/server.pem, key: pki/server-key.pem, ca: pki/ca.pem, "
+        "roles: {rov-1: controller}}\n"
+    )
+    assert status_of([*served, "--access", "access.yaml", "--host", "0.0.0.0"]) == 0
+    out, err = capsys.readouterr()
+    assert "3 inputs, 11 services, router at tls/0.0.0.0:" in out
+    assert "a certificate of its CA can use them by their role: rov-1 (controller), others: " in out
+    assert "ROS 2" not in err
+
+
+def test_without_an_authority_the_node_stays_on_this_machine_with_the_reason(
+    served: list[str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert status_of([*served, "--anyone", "--host", "0.0.0.0"]) == 0
+    out, err = capsys.readouterr()
+    assert "router at tcp/127.0.0.1:" in out
+    assert "ROS 2: stays at tcp/127.0.0.1:" in err
+    assert "expected tls with `ca` in the file of --access" in err

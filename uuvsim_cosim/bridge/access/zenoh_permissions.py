@@ -17,6 +17,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from uuvsim_cosim.bridge.access.access_file import Access
+from uuvsim_cosim.bridge.access.tls import Tls
 from uuvsim_cosim.bridge.calls.zenoh_keys import (
     call_key,
     certificate_key,
@@ -33,7 +34,9 @@ __all__ = [
     "endpoints",
     "guarded",
     "guarded_component",
+    "listening_tls",
     "reader_password",
+    "rule",
 ]
 
 GUEST, READER = "guest", "reader"
@@ -63,15 +66,22 @@ def guarded(access: Access | None, reader: str) -> Iterator[dict[str, object]]:
         return
     settings: dict[str, object] = {"access_control": _rules(access)}
     if access.tls is not None:
-        mutual = access.tls.ca is not None
-        settings["transport/link/tls"] = {
-            "listen_certificate": str(access.tls.certificate),
-            "listen_private_key": str(access.tls.key),
-            "enable_mtls": mutual,
-            **({"root_ca_certificate": str(access.tls.ca)} if mutual else {}),
-        }
+        settings |= listening_tls(access.tls)
     with _users({GUEST: access.token or GUEST, READER: reader}) as users:
         yield settings | users
+
+
+def listening_tls(tls: Tls) -> dict[str, object]:
+    """Return the settings of a session that listens with TLS; `ca` requires certificates."""
+    mutual = {} if tls.ca is None else {"root_ca_certificate": str(tls.ca)}
+    return {
+        "transport/link/tls": {
+            "listen_certificate": str(tls.certificate),
+            "listen_private_key": str(tls.key),
+            "enable_mtls": bool(mutual),
+            **mutual,
+        }
+    }
 
 
 @contextmanager
@@ -81,10 +91,10 @@ def guarded_component(token: str) -> Iterator[dict[str, object]]:
     These may only send queries to the component.
     """
     rules = [
-        _rule("ask", "ingress", ["query"], [_COMPONENT]),
-        _rule("answer", "egress", ["declare_queryable", "reply"], [_COMPONENT]),
-        _rule("look", "ingress", ["liveliness_query"], [_COMPONENT]),
-        _rule("lives", "egress", ["liveliness_token"], [_COMPONENT]),
+        rule("ask", "ingress", ["query"], [_COMPONENT]),
+        rule("answer", "egress", ["declare_queryable", "reply"], [_COMPONENT]),
+        rule("look", "ingress", ["liveliness_query"], [_COMPONENT]),
+        rule("lives", "egress", ["liveliness_token"], [_COMPONENT]),
     ]
     policy = {"rules": [rule["id"] for rule in rules], "subjects": ["all"]}
     with _users({GUEST: token}) as users:
@@ -140,16 +150,16 @@ def _rules(access: Access) -> Mapping[str, object]:
     names = [] if access.tls is None else list(access.tls.roles)
     own_keys = [certificate_key(name=name) for name in names]
     rules = [
-        _rule("ask", "ingress", ["query"], [call_key()]),
-        _rule("answer", "egress", ["declare_queryable", "reply"], [call_key(), certificate_key()]),
-        _rule(
+        rule("ask", "ingress", ["query"], [call_key()]),
+        rule("answer", "egress", ["declare_queryable", "reply"], [call_key(), certificate_key()]),
+        rule(
             "look", "ingress", ["liveliness_query", "declare_liveliness_subscriber"], [master_key()]
         ),
-        _rule("lives", "egress", ["liveliness_token"], [master_key()]),
-        _rule("live", "ingress", ["liveliness_token"], [client_key()]),
-        _rule("subscribe", "ingress", ["declare_subscriber"], [_STATES]),
-        _rule("publish", "egress", ["put"], [_STATES]),
-        *(_rule(f"is-{k}", "ingress", ["query"], [key]) for k, key in enumerate(own_keys)),
+        rule("lives", "egress", ["liveliness_token"], [master_key()]),
+        rule("live", "ingress", ["liveliness_token"], [client_key()]),
+        rule("subscribe", "ingress", ["declare_subscriber"], [_STATES]),
+        rule("publish", "egress", ["put"], [_STATES]),
+        *(rule(f"is-{k}", "ingress", ["query"], [key]) for k, key in enumerate(own_keys)),
     ]
     reading = [READER, *([GUEST] if "read" in access.anonymous else [])]
     subjects: list[dict[str, object]] = [
@@ -172,7 +182,8 @@ def _rules(access: Access) -> Mapping[str, object]:
     }
 
 
-def _rule(name: str, flow: str, messages: list[str], keys: list[str]) -> dict[str, object]:
+def rule(name: str, flow: str, messages: list[str], keys: list[str]) -> dict[str, object]:
+    """Return a rule that allows messages of one direction on some keys."""
     return {
         "id": name,
         "flows": [flow],

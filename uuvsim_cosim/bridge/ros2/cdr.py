@@ -44,6 +44,14 @@ class MessageLayout:
         self._data = bytearray()
         self._places: dict[str, tuple[int, np.dtype[Any], int]] = {}  # offset, type, count
         self._message(type_, "")
+        # One element of this type is a message; the parts of a vector overlap the whole of it.
+        places = self._places.values()
+        self._row = np.dtype({
+            "names": list(self._places),
+            "formats": [dtype if n == 1 else (dtype, (n,)) for _, dtype, n in places],
+            "offsets": [len(HEADER) + offset for offset, _, _ in places],
+            "itemsize": len(HEADER) + len(self._data),
+        })  # fmt: skip
         self._template = np.frombuffer(HEADER + bytes(self._data), np.uint8)
 
     @property
@@ -60,15 +68,14 @@ class MessageLayout:
 
         Raises InputInvalid for a field that is not in the message, or has another length.
         """
-        out = np.tile(self._template, (n, 1))
+        out = np.empty((n, len(self._template)), np.uint8)
+        out[:] = self._template
+        messages = out.view(self._row)[:, 0]
         for path, values in columns.items():
             if path not in self._places:
                 raise InputInvalid(f"{self.type}: no number {path!r}", ", ".join(self._places))
-            offset, dtype, count = self._places[path]
-            given = np.broadcast_to(np.reshape(values, (len(values), -1)), (n, count))
-            packed = np.ascontiguousarray(given, dtype).view(np.uint8)
-            begin = len(HEADER) + offset
-            out[:, begin : begin + packed.shape[1]] = packed
+            single = values.ndim > 1 and self._places[path][2] == 1
+            messages[path] = values[:, 0] if single else values
         return out
 
     def _message(self, type_: str, path: str) -> None:

@@ -3,23 +3,24 @@
 from __future__ import annotations
 
 import contextlib
-import itertools
 import os
 import threading
 import time
-from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import Any, final
 
 import numpy as np
 
+from uuvsim_cosim.bridge.access.access_file import Access
+from uuvsim_cosim.bridge.access.zenoh_permissions import endpoints
 from uuvsim_cosim.bridge.ros2.cdr import MessageLayout
 from uuvsim_cosim.bridge.ros2.ends import Ends, Reports
 from uuvsim_cosim.bridge.ros2.facts import Facts, Place, facts_of
 from uuvsim_cosim.bridge.ros2.frames import Array
 from uuvsim_cosim.bridge.ros2.inputs import Input, System, inputs_of, read_inputs
 from uuvsim_cosim.bridge.ros2.interfaces import with_services
+from uuvsim_cosim.bridge.ros2.permissions import guarded_node
 from uuvsim_cosim.bridge.ros2.receiver import Receiver
 from uuvsim_cosim.bridge.ros2.rmw_zenoh import (
     DEFAULT,
@@ -35,6 +36,7 @@ from uuvsim_cosim.bridge.ros2.rows import Layout
 from uuvsim_cosim.bridge.ros2.services import Services
 from uuvsim_cosim.bridge.ros2.topic_writer import TRANSFORMS, TopicWriter, typestore
 from uuvsim_cosim.bridge.ros2.topics import Topic, omitted_topics, read_topics, topics_of
+from uuvsim_cosim.bridge.ros2.waiting_rows import Part, WaitingRows
 from uuvsim_cosim.bridge.server.conductor import Conductor
 from uuvsim_cosim.bridge.zenoh.session import (
     Disconnected,
@@ -52,8 +54,10 @@ __all__ = ["ROUTER_PORT", "Ros2Node"]
 
 ROUTER_PORT = 7447  # of rmw_zenohd
 CLOCK = "rosgraph_msgs/msg/Clock"
-_CHUNKS = 256  # chunks of rows that wait at most; older ones are dropped
-_ROWS = 64  # of a chunk at most: a run that is as fast as possible sends its newest rows
+_HERE = ("127.0.0.1",)
+# Nodes of rmw_zenoh find each other by gossip; the cache of latched topics needs time stamps.
+_SETTINGS: dict[str, object] = {"scouting/gossip/enabled": True, "timestamping/enabled": True}
+_PACE = 0.002  # [s] between two looks at the rows of a system that steps faster
 _LOOK = 0.1  # [s] between two checks which topics have a subscriber
 
 
@@ -67,11 +71,14 @@ class Ros2Node(Owner):
     a subscriber; a subscriber that is slow loses messages and never delays the system. The node is
     called `name`, by default as the system, in `domain` (default: ROS_DOMAIN_ID, or 0).
 
-    Inputs and services have no authentication; without `commands` they are not opened. `resume`
-    runs the system at `factor` of real time. Faults of other nodes are passed to `report` and kept
-    in `reports`; none of them ends the node. `origin` is the place of the origin of `n`, which
-    positions on Earth need. Raises InputInvalid without the extra ``ros``, for an unknown
-    distribution, for mistakes in `topics`, and if another program uses the port.
+    Topics, inputs and services have no authentication; without `commands`, inputs and services are
+    not opened. With an `access` that has an authority of certificates, the node is a router that
+    listens at `hosts` with mutual TLS, and the role of a peer's certificate determines what the
+    peer may read, set and call. `resume` runs the system at `factor` of real time. Faults of other
+    nodes are passed to `report` and kept in `reports`; none of them ends the node. `origin` is the
+    place of the origin of `n`, which positions on Earth need. Raises InputInvalid without the extra
+    ``ros``, for an unknown distribution, for mistakes in `topics`, and if another program uses the
+    port.
     """
 
     def __init__(
@@ -84,6 +91,8 @@ class Ros2Node(Owner):
         domain: int | None = None,
         port: int = ROUTER_PORT,
         commands: bool = True,
+        access: Access | None = None,
+        hosts: Sequence[str] = _HERE,
         factor: float = 1.0,
         report: Callable[[str], None] = lambda text: None,
         origin: Place | None = None,
@@ -91,17 +100,22 @@ class Ros2Node(Owner):
         store = with_services(typestore(distribution))
         self._file, self._conductor, self._origin = topics, conductor, origin
         self.domain = _domain() if domain is None else domain
-        self.topics, self.dropped = list[Topic](), 0
+        self.topics = list[Topic]()
         self.without_topic: list[str] = []  # texts
         self.omitted: list[str] = []  # messages that are not published, and why
         self._publishing: _Publishing | None = None
-        self._ring: deque[tuple[_Publishing, Array, Array]] = deque(maxlen=_CHUNKS)
-        self._wake, self._over = threading.Event(), False
+        self._rows = WaitingRows[_Publishing]()
+        self._wake, self._over = threading.Event(), threading.Event()
         with self._opening() as opened:
-            session, self.is_router = _session(port)
+            given = name or _node_name(str(conductor.describe()["system"]))
+            if access is None:
+                session, self.is_router = _session(port)
+            else:
+                settings = _SETTINGS | guarded_node(access, self.domain, given)
+                session, self.is_router = listening(port, hosts, settings, tls=True), True
             opened.callback(session.close)
             self.port = session.port if self.is_router else port
-            given = name or _node_name(str(conductor.describe()["system"]))
+            self.addresses = endpoints(hosts if access else _HERE, self.port, tls=bool(access))
             self.node = Entity(given, str(session.raw.zid()), domain=self.domain)
             self._token = session.token(node_token(self.node))
             self.reports = Reports(report)
@@ -151,17 +165,20 @@ class Ros2Node(Owner):
         self._publishing = _Publishing(self._ends, chosen, facts, plan, layout, self._publishing)
 
     def observe(self, chunk: Chunk) -> None:
-        """Copy the newest rows; never wait."""
+        """Note the newest rows; never wait."""
         publishing = self._publishing
-        if publishing is None:
-            return
-        rows = chunk.rows[-_ROWS:]
-        self.dropped += len(chunk.rows) - len(rows)
-        self._ring.append((publishing, chunk.ticks[-_ROWS:].copy(), rows.copy()))
-        self._wake.set()
+        if publishing is not None:
+            self._rows.add(publishing, chunk)
+            if publishing.is_wanted:
+                self._wake.set()
 
     def end(self) -> None:
         """Do nothing: `close` ends the node."""
+
+    @property
+    def dropped(self) -> int:
+        """Rows that were not published, because the thread that publishes was slower."""
+        return self._rows.dropped
 
     # ---- other nodes and the router ---------------------------------------------------------
 
@@ -189,30 +206,26 @@ class Ros2Node(Owner):
 
     def _drain(self) -> None:
         looked = 0.0
-        while not self._over:
+        while not self._over.is_set():
             self._wake.wait(_LOOK)
             self._wake.clear()
-            look = time.monotonic() - looked >= _LOOK
-            if look:
-                looked = time.monotonic()
+            begun = time.monotonic()
+            if begun - looked >= _LOOK:
+                looked = begun
                 self._check_router()
                 if (publishing := self._publishing) is not None:
                     publishing.look()
-            waiting: list[tuple[_Publishing, Array, Array]] = []
-            with contextlib.suppress(IndexError):
-                while True:
-                    waiting.append(self._ring.popleft())
-            # One block for all rows that wait: each topic costs as much for one row as for ten.
-            for publishing, chunks in itertools.groupby(waiting, lambda chunk: chunk[0]):
-                _, ticks, rows = zip(*chunks, strict=True)
-                publishing.publish(np.concatenate(ticks), np.concatenate(rows))
+            for part in self._rows.take():
+                part.run.publish(part, self._rows)
+            # Two rows in one block cost as much as one.
+            self._over.wait(_PACE - (time.monotonic() - begun))
 
     def _leave(self) -> None:
         with contextlib.suppress(InputInvalid):  # the co-simulation has ended already
             self._conductor.unwatch(self)
 
     def _end(self) -> None:
-        self._over = True
+        self._over.set()
         self._wake.set()
         self._thread.join()
 
@@ -248,20 +261,30 @@ class _Publishing:
         """Notice which topics have a subscriber."""
         self._wanted = frozenset(name for name, p in self.made.items() if p.is_wanted)
 
-    def publish(self, ticks: Array, rows: Array) -> None:
+    @property
+    def is_wanted(self) -> bool:
+        """Whether a topic has a subscriber."""
+        return bool(self._wanted)
+
+    def publish(self, part: Part[_Publishing], rows: WaitingRows[_Publishing]) -> None:
         """Publish rows, for the topics that are wanted."""
-        block = self._layout.rows(ticks, rows)
+        if not self._wanted:
+            return
+        block = self._layout.rows(part.ticks, part.slots)
         if "/clock" in self._wanted:
             stamps = np.rint(block.time * 1e9).astype(np.int64)
             messages = self._clock.rows(len(stamps), {
                 "clock.sec": stamps // 10**9, "clock.nanosec": stamps % 10**9,
             })  # fmt: skip
-            self._put("/clock", list(messages))
+            self._put("/clock", messages)
         for writer in self._writers:
-            if writer.topic.name in self._wanted:
-                self._put(writer.topic.name, writer.messages(block)[1])
+            if writer.topic.name in self._wanted and not writer.rests(block):
+                messages = writer.messages(block)[1]
+                if not rows.is_intact(part):  # the master came round while they were made
+                    return
+                self._put(writer.topic.name, messages)
 
-    def _put(self, name: str, messages: Sequence[Array]) -> None:
+    def _put(self, name: str, messages: Iterable[Array]) -> None:
         publisher = self.made[name]
         for message in messages:
             publisher.put(message.tobytes())
@@ -286,7 +309,7 @@ class _Publisher:
     @property
     def is_wanted(self) -> bool:
         """Whether there is a subscriber."""
-        return not self._is_latched and bool(self._raw.matching_status)
+        return not self._is_latched and bool(self._raw.matching_status.matching)
 
     def put(self, message: bytes) -> None:
         """Publish a message now."""
@@ -296,11 +319,9 @@ class _Publisher:
 
 def _session(port: int) -> tuple[WrappedSession, bool]:
     """Return a session with the router at a port of this machine, or the router's itself."""
-    # Nodes of rmw_zenoh find each other by gossip; the cache of latched topics needs time stamps.
-    settings = {"scouting/gossip/enabled": True, "timestamping/enabled": True}
     try:
         if port:
-            return connecting("127.0.0.1", port, settings), False
+            return connecting("127.0.0.1", port, _SETTINGS), False
     except NoSession:
         raise InputInvalid(
             f"ROS 2: port {port} of this machine is in use by another program",
@@ -308,7 +329,7 @@ def _session(port: int) -> tuple[WrappedSession, bool]:
         ) from None
     except Disconnected:
         pass
-    return listening(port, settings=settings), True
+    return listening(port, settings=_SETTINGS), True
 
 
 def _latched(session: WrappedSession, key: str) -> Any:

@@ -46,12 +46,17 @@ class Layout:
         texts = {name for name, at in held.items() if columns[at[0]].type.is_blob}
         self.places = {name: at for name, at in every.items() if name not in texts}
         self.texts = {name: at for name, at in every.items() if name in texts}
+        self.types = {name: columns[int(at.flat[0])].type for name, at in self.places.items()}
+        self.dtypes = {
+            name: None if type_ == Type.Boolean else np.dtype(type_.dtype)
+            for name, type_ in self.types.items()
+        }
 
     @property
     def variables(self) -> Mapping[str, Variable]:
         """The signals that are numbers, with their kind and size."""
         return {
-            name: Variable(_kind(self.columns[int(at.flat[0])].type), at.size if at.ndim else 0)
+            name: Variable(_kind(self.types[name]), at.size if at.ndim else 0)
             for name, at in self.places.items()
         }
 
@@ -92,9 +97,8 @@ class Rows:
         """Return a signal."""
         if name in self._texts:
             return self._texts[name]
-        at = self._layout.places[name]
-        type_, slots = self._layout.columns[int(at.flat[0])].type, self._rows[:, at]
-        return slots.astype(bool) if type_ == Type.Boolean else slots.view(type_.dtype)
+        slots, dtype = self._rows[:, self._layout.places[name]], self._layout.dtypes[name]
+        return slots.astype(bool) if dtype is None else slots.view(dtype)
 
     def __contains__(self, name: object) -> bool:
         """Return whether there is a signal."""

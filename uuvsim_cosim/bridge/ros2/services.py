@@ -19,9 +19,15 @@ from uuvsim_cosim.bridge.ros2.parameters import Parameters
 from uuvsim_cosim.bridge.ros2.rmw_zenoh import KEEP_10, attachment, read_attachment
 from uuvsim_cosim.errors import InputInvalid, UuvsimError
 
-__all__ = ["Services"]
+__all__ = ["NEEDED", "Services"]
 
 _CLIENT = Client("ros2", "ros2", frozenset({"read", "set", "step"}))
+# The permission that each service needs, if clients are known by their certificates.
+NEEDED = {
+    "reset": "step", "pause": "step", "resume": "step", "step": "step", "step_simulation": "step",
+    "list_parameters": "read", "get_parameters": "read", "get_parameter_types": "read",
+    "describe_parameters": "read", "set_parameters": "set", "set_parameters_atomically": "set",
+}  # fmt: skip
 _TRIGGER = "std_srvs/srv/Trigger"
 _OK, _FAILED = 1, 4  # of simulation_interfaces/msg/Result
 _Handle = Callable[[Any], dict[str, Any]]  # request -> fields of the response

@@ -64,12 +64,26 @@ class TopicColumns:
     _last: float = -np.inf  # time of the last sample [s]
     _at: float = -np.inf  # time of the last row [s]
     _state: bytes = b""  # of the last message
-    _figures: dict[str, float] = field(default_factory=dict)
+    _sampled: float = -np.inf  # time of the last sample, also of one without a message [s]
+    _period: float = np.inf  # of the samples [s]
+    _figures: dict[str, float] | None = None
 
-    @property
-    def conversion(self) -> Conversion:
-        """The conversion of signals into fields."""
-        return CONVERSIONS.get(self.topic.type, _PLAIN)
+    def __post_init__(self) -> None:
+        self.conversion = CONVERSIONS.get(self.topic.type, _PLAIN)
+        path = self.topic.component
+        self._stamp, self._valid = f"{path}.t_sample", f"{path}.valid"
+        self._is_sensor = self.conversion is not _PLAIN and not self.conversion.prefixes
+        self._every = 1 / float(self.topic.rate) if self.topic.rate is not None else None  # [s]
+
+    def rests(self, block: Block) -> bool:
+        """Return whether the topic's rate leaves out every row of a block; cheap to ask."""
+        if self._every is None or self._period == np.inf or self.conversion.has_states:
+            return False
+        first, last = float(block.time[0]), float(block.time[-1])
+        if first < self._at or last >= self._last + self._every * (1 - 1e-9):
+            return False
+        self._at = last
+        return True
 
     def columns(self, block: Block) -> tuple[Array, Mapping[str, Array]]:
         """Return the times [s] of the samples, and the columns of the message's fields."""
@@ -79,42 +93,44 @@ class TopicColumns:
     def samples(self, block: Block) -> tuple[Array, Array, Values, Mapping[str, object]]:
         """Return the times [s] of new samples and of their rows, their values, and figures."""
         time, chosen = self._samples(block)
-        values = {
-            role: np.asarray(block[name])[chosen] for role, name in self.topic.signals.items()
-        }
-        return time, block.time[chosen], values, self._of_sensor(time)
+        values = (
+            {role: np.asarray(block[name])[chosen] for role, name in self.topic.signals.items()}
+            if len(chosen)
+            else {}
+        )
+        return time, block.time[chosen], values, self._of_sensor()
 
     def _samples(self, block: Block) -> tuple[Array, Array]:
         """Return the times [s] of new messages, and the rows of the block that hold them."""
-        path, conversion = self.topic.component, self.conversion
-        time, keep = block.time, np.ones(len(block.time), bool)
+        time = block.time
         if len(time):
             if time[0] < self._at:  # a reset, or an earlier snapshot
-                self._last, self._state = -np.inf, b""
+                self._last, self._sampled, self._state = -np.inf, -np.inf, b""
             self._at = float(time[-1])
-        if f"{path}.t_sample" in block and conversion is not _PLAIN and not conversion.prefixes:
-            time = np.asarray(block[f"{path}.t_sample"])
+        chosen: Array = np.arange(len(time))
+        if self._is_sensor and self._stamp in block:
+            time = np.asarray(block[self._stamp])
             before = np.concatenate([[max(self._last, -1.0)], time[:-1]])
             keep = (time >= 0) & (time > before)
-            if f"{path}.valid" in block:
-                valid = np.asarray(block[f"{path}.valid"]) > 0
+            if self._valid in block:
+                valid = np.asarray(block[self._valid]) > 0
                 keep &= valid
-                if conversion.lost:
+                if self.conversion.lost:
                     time = np.where(valid, time, block.time)
                     lost = self._thinned(time, np.flatnonzero(~valid | keep), 1.0)
                     keep[lost] = True
-        chosen = np.flatnonzero(keep)
-        if self.topic.rate is not None:
-            thinned = self._thinned(time, chosen, 1 / float(self.topic.rate))
-            chosen = np.union1d(thinned, self._changes(block)).astype(int)
+            chosen = np.flatnonzero(keep)
+        self._measure(time[chosen])
+        if self._every is not None:
+            chosen = self._thinned(time, chosen, self._every)
+            if self.conversion.has_states:
+                chosen = np.union1d(chosen, self._changes(block)).astype(int)
         if len(chosen):
             self._last = float(time[chosen[-1]])
         return time[chosen], chosen
 
     def _changes(self, block: Block) -> Array:
         """Return the rows at which a state is another than before."""
-        if not self.conversion.has_states:
-            return np.zeros(0, int)
         names = self.topic.signals.values()
         states = np.stack([np.asarray(block[name]).astype(np.uint8) for name in names], axis=1)
         before = np.concatenate([np.frombuffer(self._state, np.uint8).reshape(-1, len(names)),
@@ -126,20 +142,30 @@ class TopicColumns:
 
     def _thinned(self, time: Array, chosen: Array, period: float) -> Array:
         kept, last = [], self._last
-        for i in chosen:
-            if time[i] >= last + period * (1 - 1e-9):
+        for i, at in zip(chosen.tolist(), time[chosen].tolist(), strict=True):
+            if at >= last + period * (1 - 1e-9):
                 kept.append(i)
-                last = time[i]
+                last = at
         return np.array(kept, int)
 
-    def _of_sensor(self, time: Array) -> Mapping[str, object]:
+    def _measure(self, time: Array) -> None:
+        """Keep the period of the samples, from which the noise of one sample follows."""
+        if not len(time):
+            return
+        shortest = float(time[0]) - self._sampled
+        if len(time) > 1:
+            shortest = min(shortest, float(np.min(np.diff(time))))
+        self._sampled = float(time[-1])
+        if 0.0 < shortest < self._period * (1 - 1e-6):
+            self._period, self._figures = shortest, None
+
+    def _of_sensor(self) -> Mapping[str, object]:
         facts = self.facts.get(self.topic.component, {})
         if self.conversion.needs:
             return facts
-        if not self._figures and facts and len(time) > 1:
-            period = float(np.min(np.diff(time)))
+        if self._figures is None:
             parameters = {name: v for name, v in facts.items() if not name.startswith("@")}
-            self._figures = sensor_figures(self.topic.type, parameters, period)
+            self._figures = sensor_figures(self.topic.type, parameters, self._period)
         return self._figures
 
 
@@ -155,6 +181,7 @@ class TopicWriter:
 
     def __post_init__(self) -> None:
         self._samples = TopicColumns(self.topic, self.facts)
+        self.rests = self._samples.rests
 
     def messages(self, block: Block) -> tuple[Array, Sequence[Array]]:
         """Return the times [ns] and bytes of the messages of a block.

@@ -296,10 +296,7 @@ def serve_command(
             if foxglove_port is not None:
                 _open_foxglove(stack, conductor, opened, foxglove_port, place)
             if ros2 is not None:
-                _open_node(
-                    stack, conductor, ros2, topics, ros2_port, real_time, place,
-                    commands=access is None,
-                )  # fmt: skip
+                _open_node(stack, conductor, ros2, topics, ros2_port, real_time, place, opened)
             _wait(conductor, real_time, paused, until)
     finally:
         signal.signal(signal.SIGTERM, before)
@@ -365,23 +362,34 @@ def _open_servers(
 
 def _open_node(
     stack: ExitStack, conductor: Conductor, distribution: str, topics: Path | None,
-    port: int | None, real_time: float, origin: tuple[float, float] | None, *, commands: bool,
+    port: int | None, real_time: float, origin: tuple[float, float] | None, opened: ServerSettings,
 ) -> None:  # fmt: skip
+    from uuvsim_cosim.bridge.access.access_file import is_loopback
     from uuvsim_cosim.bridge.ros2.node import ROUTER_PORT, Ros2Node
+    from uuvsim_cosim.bridge.ros2.permissions import is_mutual
 
+    access = None if opened.authenticator is None else opened.authenticator.access
+    mutual = access if is_mutual(access) else None
+    commands = access is None or access.token is not None or mutual is not None
     node = stack.enter_context(
         Ros2Node(
             conductor, distribution, topics=topics, port=ROUTER_PORT if port is None else port,
             commands=commands, factor=real_time, report=lambda text: notice(f"ROS 2: {text}"),
-            origin=origin,
+            origin=origin, access=mutual, hosts=opened.zenoh_hosts,
         )
     )  # fmt: skip
     router = "router" if node.is_router else "client of the router"
     every = f"{len(node.topics)} topics, {len(node.inputs)} inputs, {len(node.services)} services"
+    may = "read, set and step" if commands else "read"
+    who = f"every program on this machine can {may} them, without token"
+    if mutual is not None and mutual.tls is not None:
+        who = "machines with a certificate of its CA can use them by their role: " + ", ".join(
+            [f"{name} ({role})" for name, role in mutual.tls.roles.items()]
+            + [f"others: {mutual.anyone or 'nothing'}"]
+        )
     line(
         f"  ROS 2  {distribution}: node /{node.node.name}, domain {node.domain}, {every}, "
-        f"{router} at tcp/127.0.0.1:{node.port}; every program on this machine can "
-        f"{'read, set and step' if commands else 'read'} them, without token"
+        f"{router} at {', '.join(node.addresses)}; {who}"
     )
     for one in node.inputs:
         signals = ", ".join(name for names in one.signals.values() for name in names)
@@ -389,8 +397,13 @@ def _open_node(
     if not commands:
         notice(
             "ROS 2: inputs and services are closed, because a ROS 2 node proves no identity that "
-            "a role of --access could allow; expected no --access, or clients of Zenoh, TCP or "
-            "HTTP for commands"
+            "a role of --access could allow; expected tls with `ca` and roles of certificates in "
+            "the access file, or clients of Zenoh, TCP or HTTP for commands"
+        )
+    if mutual is None and not all(map(is_loopback, opened.hosts)):
+        notice(
+            f"ROS 2: stays at {', '.join(node.addresses)}; expected tls with `ca` in the file of "
+            "--access to listen beyond this machine"
         )
     for name in node.without_topic if topics is None else ():
         line(f"  note: {name}: a text has no topic")

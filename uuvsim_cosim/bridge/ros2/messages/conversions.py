@@ -200,13 +200,14 @@ def sensor_figures(type_: str, parameters: Mapping[str, Array], period: float) -
     """Return what a sensor's parameters say about its messages: standard deviations, limits.
 
     A deviation is that of white noise with the samples' `period` [s], the wandering bias, and the
-    bias at start together: sqrt(N²/T + sigma_b² + sigma_on²). A DVL of four beams at `tilt` has
+    bias at start together: sqrt(N²/T + sigma_b² + sigma_on²); it is missing while the period is
+    not known (infinite). A DVL of four beams at `tilt` has
     sigma_v / (√2 sin t) across its axis and sigma_v / (2 cos t) along it.
     """
     p = {name: float(np.max(value)) for name, value in parameters.items() if np.size(value)}
     made = {name: p[name] for name in _LIMITS if name in p}
     for prefix, role in _NOISE.get(type_, ()):
-        if f"{prefix}noise_density" in p:
+        if f"{prefix}noise_density" in p and np.isfinite(period):
             parts = (p[f"{prefix}noise_density"] / period**0.5, p.get(f"{prefix}bias_sigma", 0.0),
                      p.get(f"{prefix}turn_on_sigma", 0.0))  # fmt: skip
             made[role] = sum(part**2 for part in parts) ** 0.5
