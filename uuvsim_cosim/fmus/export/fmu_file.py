@@ -83,9 +83,9 @@ def build_fmu(
             texts[f"sources/{file.name}"] = file.read_text()
     # Of a vehicle in a folder, only the folder's name is written.
     vehicles = {what: Path(address).name for what, address in declared.made_for.items()}
-    for file, pairs in ((PEERS, declared.peers), (MADE_FOR, vehicles)):
+    for name, pairs in ((PEERS, declared.peers), (MADE_FOR, vehicles)):
         if pairs:
-            texts[file] = pairs_text(file, pairs)
+            texts[name] = pairs_text(name, pairs)
     return packed(
         texts, identifier, sources, fmi, wanted, lambda p: compile_fmu(lowered, p.fmi2), target
     )

@@ -22,6 +22,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
+from functools import partial
 from math import dist
 from pathlib import Path
 from typing import Any
@@ -302,7 +303,7 @@ def _made_for(c: PlannedComponent) -> Iterator[tuple[str, str, Callable[[], _Fig
         vehicle = _with_set(address)
         if what != "figures":
             if not GAINS & set_by_user:
-                yield f" ({what})", vehicle, lambda v=vehicle: _known(v).used(NUMBERS)
+                yield f" ({what})", vehicle, partial(_used, vehicle, tuple(NUMBERS))
             continue
         uses = left & {*USES.get(c.description.name, NUMBERS)}
         if c.description.kind == "python":
@@ -346,6 +347,10 @@ def _own_figures(c: PlannedComponent) -> _Figures:
 
 def _known(vehicle: str) -> _Figures:
     return _figures(vehicle) or _Figures(vehicle)
+
+
+def _used(vehicle: str, names: Iterable[str]) -> _Figures:
+    return _known(vehicle).used(names)
 
 
 @kept_until_changed
