@@ -108,6 +108,7 @@ class Description:
     can_be_instantiated_only_once: bool = False
     provides_directional_derivatives: bool = False
     needs_execution_tool: bool = False
+    made_for: Mapping[str, str] = field(default_factory=dict)  # see fmus/pairs.py
     peers: Mapping[str, str] = field(default_factory=dict)  # see orchestrator/system/system.py
 
     def of(self, *causalities: Causality) -> list[Variable]:

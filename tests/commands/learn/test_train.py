@@ -284,9 +284,9 @@ def test_force_trains_in_a_system_of_mixed_vehicles_and_warns_of_each(
         "--evaluation-episodes", "2", "--set", "hidden=8", "--set", "warm_up=4", "--no-report",
     )  # fmt: skip
     status, _, err = uuvsim(*train)
-    assert (status, "wrench: made for bluerov2_heavy" in err, "--force" in err) == (2, True, True)
+    assert (status, "made for bluerov2_heavy" in err, "--force" in err) == (2, True, True)
     status, out, err = uuvsim(*train, "--force")
     assert status == 0, err
-    assert "warning: wrench: made for bluerov2_heavy, but hull is rexrov" in " ".join(out.split())
+    assert "made for bluerov2_heavy, but hull is rexrov" in " ".join(out.split())
     status, out, err = uuvsim("evaluate", "runs/train/Mixed-sac-0", "--episodes", "2")
     assert status == 0, err

@@ -112,6 +112,4 @@ def test_force_runs_a_study_of_mixed_vehicles_and_warns_of_each(
     assert (status, "made for bluerov2_heavy" in err, "--force" in err) == (2, True, True)
     status, out, _ = uuvsim("study", "s.yaml", "--no-report", "--force")
     assert status == 0
-    assert "warning: allocation: made for bluerov2_heavy, but hull is rexrov" in " ".join(
-        out.split()
-    )
+    assert "thruster_8: made for bluerov2_heavy, but hull is rexrov" in " ".join(out.split())

@@ -179,13 +179,50 @@ def test_axes_of_the_file_are_turned_to_frd(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("which", ["all", "some"])
-def test_normals_that_point_inwards_are_flipped_and_said(which: str) -> None:
+def test_a_surface_that_is_inside_out_is_refused_unless_it_may_be_turned(which: str) -> None:
     wrong = box(1.0, 0.6, 0.4)
     turned = slice(None) if which == "all" else slice(2, 5)
     wrong[turned] = wrong[turned, ::-1]
-    mesh = repaired(wrong, "box")
+    n = 12 if which == "all" else 3
+    with pytest.raises(InputInvalid, match=rf"{n} of 12 triangles are inside out.*--turn-inside"):
+        repaired(wrong, "box")
+    mesh = repaired(wrong, "box", turn=True)
     assert solid_of(mesh).volume == pytest.approx(0.24)
-    assert f"{12 if which == 'all' else 3} of 12 triangles were turned inside out" in mesh.notes[0]
+    assert f"{n} of 12 triangles were inside out and are turned" in mesh.notes[0]
+
+
+def test_the_command_turns_a_surface_that_is_inside_out_if_asked(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    binary(tmp_path / "hull.stl", box(1.0, 0.6, 0.4)[:, ::-1])
+    arguments = ["models", "import", "hull.stl", "--mass", "240", "--added-mass", "ellipsoid"]
+    assert status_of(arguments) == 2
+    assert "--turn-inside-out" in capsys.readouterr().err
+    assert status_of([*arguments, "--turn-inside-out"]) == 0
+    assert "12 of 12 triangles were inside out and are turned" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("unit", "scale"), [("mm", 0.001), ("cm", 0.01), ("inches", 0.0254), ("feet", 0.3048)]
+)
+def test_the_likely_unit_is_that_in_which_the_hull_displaces_its_mass(
+    unit: str, scale: float, tmp_path: Path
+) -> None:
+    path = binary(tmp_path / "hull.stl", box(0.457, 0.338, 0.25) / scale)
+    hint = rf"file in {unit} \(--scale {scale:g} makes it 0\.457 m long\)\?"
+    with pytest.raises(InputInvalid, match=f"(?i){hint}"):
+        import_mesh(path, 30.0, added_mass="ellipsoid")
+    with pytest.raises(InputInvalid, match=f"(?i){hint}"):  # another unit is given
+        import_mesh(path, 30.0, scale=0.3 * scale, added_mass="ellipsoid")
+
+
+def test_a_volume_that_is_hardly_any_of_the_surface_names_the_units(tmp_path: Path) -> None:
+    path = binary(tmp_path / "hull.stl", box(18.0, 13.3, 9.8))  # inches
+    with pytest.raises(
+        InputInvalid, match=r"less than 1 % of the 2346 m3.*inches \(--scale 0\.0254"
+    ):
+        import_mesh(path, 11.5, volume=0.0114, added_mass="ellipsoid")
 
 
 def test_a_surface_that_is_no_hull_is_refused_with_its_place() -> None:
@@ -196,9 +233,9 @@ def test_a_surface_that_is_no_hull_is_refused_with_its_place() -> None:
     broken[4, 1, 2] = np.nan
     with pytest.raises(InputInvalid, match=r"triangle 5 of 12 has the vertex .*nan"):
         repaired(broken, "b.stl")
-    with pytest.raises(InputInvalid, match=r"300 m long.*--scale 0.001 would make it 0.3 m"):
+    with pytest.raises(InputInvalid, match=r"300 m long.*mm \(--scale 0.001 makes it 0.3 m long"):
         repaired(300 * whole, "b.stl")
-    with pytest.raises(InputInvalid, match=r"0.0003 m long.*--scale 1000 would make it 0.3 m"):
+    with pytest.raises(InputInvalid, match=r"0.0003 m long; expected 0.02 to 150 m$"):
         repaired(0.0003 * whole, "b.stl")
 
 
@@ -234,7 +271,7 @@ def test_a_mass_that_no_hull_of_that_volume_has_is_refused(tmp_path: Path) -> No
     path = binary(tmp_path / "a.stl", box(1.0, 0.6, 0.4))  # 246 kg of water
     with pytest.raises(InputInvalid, match=r"2460 kg .* displaces 246 kg .* 49\.2 to 1.23e\+03 kg"):
         import_mesh(path, 2460.0)
-    with pytest.raises(InputInvalid, match=r"24\.6 kg .*--volume if the hull floods"):
+    with pytest.raises(InputInvalid, match=r"24\.6 kg .*--volume if it floods"):
         import_mesh(path, 24.6)
     with pytest.raises(InputInvalid, match=r"--mass -3: expected a number above 0"):
         import_mesh(path, -3)

@@ -54,6 +54,10 @@ def import_command(
             "or a folder imported from the same surface.",
         ),
     ] = None,
+    turn_inside_out: Annotated[
+        bool,
+        typer.Option("--turn-inside-out", help="Turn triangles whose normals point inwards."),
+    ] = False,
     out: Annotated[Path | None, folder_option("Folder to write; its name is the id.")] = None,
 ) -> None:
     """Estimate a vehicle from its surface and mass, or read it from a robot's description.
@@ -72,7 +76,8 @@ def import_command(
     check_id(folder.name)
     if file.suffix.lower() in _DESCRIPTIONS:
         options = {"--mass": mass, "--volume": volume, "--z-g": z_g, "--scale": scale,
-                   "--axes": axes, "--rho": rho, "--added-mass": added_mass}  # fmt: skip
+                   "--axes": axes, "--rho": rho, "--added-mass": added_mass,
+                   "--turn-inside-out": turn_inside_out or None}  # fmt: skip
         for name, given in options.items():
             if given is not None:
                 raise InputInvalid(f"{name}: applies to a surface; {file.name} has its own value")
@@ -94,6 +99,7 @@ def import_command(
             volume=volume,
             z_g=z_g,
             added_mass=added_mass or "auto",
+            turn=turn_inside_out,
         )
         solid = surface.solid
         line(f"{file.name}: a closed surface of {solid.surface:.4g} m2")

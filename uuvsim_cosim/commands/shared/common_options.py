@@ -74,6 +74,11 @@ GROUPS: dict[str, dict[str, tuple[str, ...]]] = {
         _TASK: ("--policy", "--task-set", "--other-task", "--seed"),
         OUTPUT: ("--out", "--window", "--open", "--view", "--port"),
     },
+    "models import": {
+        "Surface": ("--scale", "--axes", "--turn-inside-out"),
+        "Vehicle": ("--mass", "--volume", "--z-g", "--rho", "--added-mass"),
+        OUTPUT: ("--out",),
+    },
     "fmu system": _FMU,
     "fmu client": {**_FMU, _CONNECTIONS: ("--host", "--port")},
 }  # fmt: skip

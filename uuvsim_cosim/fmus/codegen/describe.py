@@ -65,6 +65,7 @@ def describe(model: Model, eq: Equations | None = None) -> Description:
         can_get_and_set_state=True,
         can_serialize_state=True,
         provides_directional_derivatives=True,
+        made_for=model.made_for,
         peers=model.peers,
     )
 

@@ -30,7 +30,7 @@ from uuvsim_cosim.fmus.export.model_description import (
     model_identifier,
     xml_text,
 )
-from uuvsim_cosim.fmus.peers import PEERS, peers_text
+from uuvsim_cosim.fmus.pairs import MADE_FOR, PEERS, pairs_text
 from uuvsim_cosim.models.declaration.library import declare_source
 from uuvsim_cosim.models.declaration.model import Model
 
@@ -81,8 +81,11 @@ def build_fmu(
     for file in runtime_files():
         if file.suffix == ".h" or file.name in sources:
             texts[f"sources/{file.name}"] = file.read_text()
-    if declared.peers:
-        texts[PEERS] = peers_text(declared.peers)
+    # Of a vehicle in a folder, only the folder's name is written.
+    vehicles = {what: Path(address).name for what, address in declared.made_for.items()}
+    for name, pairs in ((PEERS, declared.peers), (MADE_FOR, vehicles)):
+        if pairs:
+            texts[name] = pairs_text(name, pairs)
     return packed(
         texts, identifier, sources, fmi, wanted, lambda p: compile_fmu(lowered, p.fmi2), target
     )

@@ -18,7 +18,7 @@ from uuvsim_cosim.fmus.importer.safe_xml import read_xml
 from uuvsim_cosim.fmus.importer.source_code import Sources, read_sources
 from uuvsim_cosim.fmus.importer.variables_fmi2 import read_variables_fmi2
 from uuvsim_cosim.fmus.importer.variables_fmi3 import read_variables_fmi3
-from uuvsim_cosim.fmus.peers import read_peers
+from uuvsim_cosim.fmus.pairs import MADE_FOR, PEERS, read_pairs
 from uuvsim_cosim.fmus.values import checked_start, parse_value
 
 __all__ = ["FmuArchive", "read_description", "read_fmu"]
@@ -138,7 +138,8 @@ def read_fmu(
             element, "providesDirectionalDerivative", "providesDirectionalDerivatives"
         ),
         needs_execution_tool=flag(element, "needsExecutionTool"),
-        peers=read_peers(folder),
+        made_for=read_pairs(MADE_FOR, folder),
+        peers=read_pairs(PEERS, folder),
     )
     identifier = source.required(element, "modelIdentifier", chosen)
     libraries = {identifier + suffix for suffix in LIBRARY_SUFFIXES}

@@ -55,6 +55,7 @@ __all__ = [
     "Thrusters",
     "VehicleDesign",
     "control_design",
+    "full_command",
     "propelled_speed",
     "thrusters_of",
     "weight_and_buoyancy",
@@ -139,7 +140,7 @@ def thrusters_of(vehicle: str) -> Thrusters:
         raise ParameterInvalid(file, *NO_THRUSTERS)
     geometry = thruster_geometry(id)
     T = configuration_matrix(geometry)
-    model, forward, backward, lag, assumed = _full_command(vehicle, thrusters_file(file))
+    model, forward, backward, lag, assumed = full_command(vehicle, thrusters_file(file))
     rank = int(np.linalg.matrix_rank(T, tol=1e-6))
     controlled = [i for i in range(6) if _in_range(T, np.eye(6)[:, i])]
     for i in (0, 1, 2, 5):  # needed axes may push passive ones too, as one vertical thruster does
@@ -190,11 +191,12 @@ def _largest(rows: Array, axis: int, forward: float, backward: float) -> float:
     return min(found)
 
 
-def _full_command(vehicle: str, file: Any) -> tuple[str, float, float, float, tuple[str, ...]]:
+def full_command(vehicle: str, file: Any) -> tuple[str, float, float, float, tuple[str, ...]]:
     """Return (model, forward [N], backward [N], lag [s], what was assumed) of each thruster."""
     assumed = []
     id, _ = split_address(vehicle)
-    chosen = file.get("sets", {}).get(parameter_set(*split_address(vehicle)).name)
+    sets = file.get("sets", {})
+    chosen = sets.get(parameter_set(*split_address(vehicle)).name) if sets else None
     model = str(file.get("model", "") if chosen is None else chosen["model"])
     if not model:
         model = "thruster_t200"

@@ -154,7 +154,24 @@ def _declared(name: str, options: Mapping[str, Any]) -> Model:
         given = ", ".join(f"{option}={value}" for option, value in options.items())
         raise InputInvalid(f"model {name!r} with {given}", error, "a number") from None
     result: Model = model
+    result.made_for.update(_made_for(name, declaration, options))
     return result
+
+
+def _made_for(
+    name: str, declaration: Callable[..., Model], options: Mapping[str, Any]
+) -> dict[str, str]:
+    """Return the vehicle and the parameter set (``id@set``) that a declaration takes figures of."""
+    what, option = ("hull", "id") if name == "vehicle" else ("figures", "vehicle")
+    taken = signature(declaration).parameters
+    address = options.get(option, taken[option].default) if option in taken else ""
+    if not isinstance(address, str) or not address:
+        return {}
+    id, published = split_address(address)
+    if not is_vehicle(id):
+        return {}
+    published = options.get("set") or published if name == "vehicle" else published
+    return {what: f"{id}@{published or vehicle_sets(id)[0]}"}
 
 
 def _wrong_option(

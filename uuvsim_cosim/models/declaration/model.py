@@ -118,6 +118,7 @@ class Model:
         self.variables: dict[str, Declared] = {}
         self.clocks: list[Clock] = []
         self.derivatives: dict[str, ca.SX] = {}
+        self.made_for: dict[str, str] = {}  # id@set by what, see `fmus/pairs.py`
         self.peers: dict[str, str] = {}  # what an input is for, see `orchestrator/system/system.py`
 
     # ---- declarations ---------------------------------------------------------------------

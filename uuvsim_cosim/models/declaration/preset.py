@@ -29,6 +29,7 @@ class Preset:
 
     path: Path
     values: Mapping[str, tuple[list[float], list[str], int]]  # name: (elements, units, line)
+    vehicle: str = ""  # id@set, of the vehicle for which alone the numbers hold
     asked: set[str] = field(default_factory=set)  # names that a declaration has read
 
     def vector(self, name: str, unit: Units, size: int | None = None) -> list[float]:
@@ -85,6 +86,8 @@ class Preset:
         """Declare a parameter of a model with the file's value: a number, or `size` elements."""
         elements = self.vector(name, unit, size or 1)
         value = elements if size else elements[0]
+        if self.vehicle:
+            m.made_for[f"gains of {self.path.parent.name}"] = self.vehicle
         return m.parameter(name, value, unit=unit, min=min, max=max, description=description)
 
     def parameters(
@@ -163,4 +166,4 @@ def preset(folder: str, id: str, kind: str) -> Preset:
         unit = entry["unit"]
         units = [str(u) for u in unit] if isinstance(unit, list) else [str(unit)]
         values[str(name)] = (elements, units, line)
-    return Preset(path, values)
+    return Preset(path, values, str(data.get("vehicle", "")))

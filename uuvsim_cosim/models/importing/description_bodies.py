@@ -261,7 +261,8 @@ def _add_collision(read: Reader, found: Bodies, collision: _Element, R: Array, r
         return
     try:
         triangles = raw_triangles(file) * scale
-        solid = solid_of(repaired(triangles if scale.prod() > 0 else triangles[:, ::-1], str(file)))
+        outwards = triangles if scale.prod() > 0 else triangles[:, ::-1]
+        solid = solid_of(repaired(outwards, str(file), turn=True))
     except InputInvalid as error:
         found.unread.append(str(error))
         return

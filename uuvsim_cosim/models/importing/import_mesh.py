@@ -37,7 +37,7 @@ from uuvsim_cosim.models.importing.panel_method import (
 )
 from uuvsim_cosim.models.importing.vehicle_draft import Draft
 from uuvsim_cosim.models.shapes.ellipsoid import added_mass
-from uuvsim_cosim.models.shapes.mesh import Mesh, Solid, read_mesh, solid_of
+from uuvsim_cosim.models.shapes.mesh import Mesh, Solid, likely_unit, read_mesh, solid_of
 from uuvsim_cosim.models.shapes.panels import cut_to
 
 __all__ = [
@@ -53,6 +53,7 @@ Array = NDArray[np.float64]
 G = 9.81
 BLUNT = 1.05  # C_D of a cube's face
 _BLUNT_FROM, _BLUNT_TO = 0.85, 1.3
+LEAST_SHARE = 0.01  # of the enclosed volume that a frame displaces
 KNOWN, REFUSED = 0.15, 5.0  # net force in parts of the weight; mass over displaced mass, or inverse
 # What the file's x, y and z are, as rows of the rotation to FRD.
 AXES = {
@@ -85,21 +86,23 @@ def import_mesh(
     volume: float | None = None,
     z_g: float | None = None,
     added_mass: str | Path = "auto",
+    turn: bool = False,
 ) -> MeshImport:
     """Estimate a vehicle from a closed surface: CO is the centre of the volume, axes are FRD.
 
     `axes` are the directions of x, y and z in the file; `volume` [m3] is the displaced volume if
     the hull floods (else the solid's); `z_g` [m] is the depth of the centre of gravity below CO
     (else 5 % of the height). `added_mass` is `capytaine`, `ellipsoid`, `auto` (Capytaine if it is
-    installed), or the folder of a vehicle that was imported from the same surface. Raises
-    InputInvalid for a surface or a number that cannot be a hull's.
+    installed), or the folder of a vehicle that was imported from the same surface. `turn` turns
+    triangles that are inside out. Raises InputInvalid for a surface or a number that cannot be a
+    hull's.
     """
     if axes.upper() not in AXES:
         raise InputInvalid(f"--axes {axes}: expected {', '.join(AXES)}: the file's x, y and z")
     for name, value in (("--mass", mass), ("--rho", rho), ("--volume", volume)):
         if value is not None and not (np.isfinite(value) and value > 0):
             raise InputInvalid(f"{name} {value:g}: expected a number above 0")
-    mesh = read_mesh(path, scale)
+    mesh = read_mesh(path, scale, turn=turn, mass=None if volume else mass)
     turned = mesh.triangles @ AXES[axes.upper()].T
     if np.linalg.det(AXES[axes.upper()]) < 0:
         turned = turned[:, ::-1]
@@ -108,7 +111,8 @@ def import_mesh(
     mesh = Mesh(turned - first.centre, mesh.notes)
     centre = np.where(np.abs(first.centre) > 1e-9 * first.extent.max(), first.centre, 0.0)
     solid = solid_of(mesh)
-    _plausible(str(path), solid, mass, rho, volume, z_g)
+    unit = likely_unit(mesh.triangles / scale, None if volume else mass, scale)
+    _plausible(str(path), solid, mass, rho, volume, z_g, unit)
     panels, notes = _panels(mesh, str(path), sha256, str(added_mass))
     return _estimated(
         Path(path), Mesh(mesh.triangles, (*mesh.notes, *notes)), solid, panels, mass, rho, volume,
@@ -117,25 +121,38 @@ def import_mesh(
 
 
 def _plausible(
-    place: str, solid: Solid, mass: float, rho: float, volume: float | None, z_g: float | None
+    place: str,
+    solid: Solid,
+    mass: float,
+    rho: float,
+    volume: float | None,
+    z_g: float | None,
+    unit: str,
 ) -> None:
     """Raise InputInvalid where mass, volume or centre of gravity cannot belong to the surface."""
     if volume is not None and volume > 1.05 * solid.volume:
         raise InputInvalid(
             f"--volume {volume:.4g}",
             f"the surface of {place} encloses {solid.volume:.4g} m3",
-            "at most that volume: is the file in another unit (--scale), or the volume not in m3?",
+            f"at most that volume: {unit or 'is the file in another unit (--scale)?'} Or is the "
+            "volume not in m3?",
+        )
+    if volume is not None and volume < LEAST_SHARE * solid.volume:
+        raise InputInvalid(
+            f"--volume {volume:.4g}",
+            f"less than {100 * LEAST_SHARE:g} % of the {solid.volume:.4g} m3 that the surface of "
+            f"{place} encloses",
+            f"more of it: {unit or 'is the file in another unit (--scale)?'}",
         )
     displaced = rho * (solid.volume if volume is None else volume)
     if not 1.0 / REFUSED <= mass / displaced <= REFUSED:
-        hint = "--scale if the file is in another unit" + (
-            "" if volume is not None or mass > displaced else ", --volume if the hull floods"
-        )
+        hint = "" if volume is not None or mass > displaced else ", or give --volume if it floods"
+        other = f". {unit[0].upper()}{unit[1:]}" if unit and volume is None else ""
         raise InputInvalid(
             place,
             f"{mass:g} kg were given, and the hull displaces {displaced:.4g} kg of water",
-            f"{displaced / REFUSED:.3g} to {displaced * REFUSED:.3g} kg: correct --mass (in kg), "
-            f"or give {hint}",
+            f"{displaced / REFUSED:.3g} to {displaced * REFUSED:.3g} kg: correct --mass (in kg)"
+            f"{hint}{other}",
         )
     if z_g is not None and not solid.low[2] <= z_g <= solid.high[2]:
         raise InputInvalid(

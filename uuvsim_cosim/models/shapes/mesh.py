@@ -23,6 +23,7 @@ __all__ = [
     "Mesh",
     "Solid",
     "finite_triangles",
+    "likely_unit",
     "raw_triangles",
     "read_mesh",
     "repaired",
@@ -32,6 +33,7 @@ __all__ = [
 ]
 
 Array = NDArray[np.float64]
+UNITS = {"m": 1.0, "mm": 0.001, "cm": 0.01, "inches": 0.0254, "feet": 0.3048}  # m
 LEAST, MOST = 0.02, 150.0  # m, of the longest side of a hull
 FLAT = 1e-7  # of the longest side cubed: a smaller volume is that of single-precision rounding
 _WELD = 1e-6  # of the longest side: corners nearer than this are one
@@ -45,11 +47,41 @@ class Mesh:
     notes: tuple[str, ...] = field(default=())
 
 
-def read_mesh(path: str | Path, scale: float = 1.0) -> Mesh:
-    """Read an STL (other formats by trimesh), times `scale`; raises InputInvalid with the place."""
+def read_mesh(
+    path: str | Path, scale: float = 1.0, *, turn: bool = False, mass: float | None = None
+) -> Mesh:
+    """Read an STL (other formats by trimesh), times `scale`; raises InputInvalid with the place.
+
+    `turn` turns triangles that are inside out. `mass` [kg] helps to name the unit of the file.
+    """
     if not (np.isfinite(scale) and scale > 0):
         raise InputInvalid(f"--scale {scale:g}: expected a number above 0, as 0.001 for mm")
-    return repaired(raw_triangles(Path(path)) * scale, str(path))
+    triangles = raw_triangles(Path(path))
+    hint = likely_unit(triangles, mass, scale)
+    return repaired(triangles * scale, str(path), turn=turn, hint=hint)
+
+
+def likely_unit(triangles: Array, mass: float | None = None, scale: float = 1.0) -> str:
+    """Return the likely unit of a file's numbers and its --scale, as a hint; empty if none fits.
+
+    With a `mass` [kg], it is the unit in which the surface encloses the water nearest to that mass,
+    at most a factor of 10 away. Else all are named that make the hull 0.1 to 15 m long. The unit
+    of the `scale` that was given is not named.
+    """
+    points = triangles.reshape(-1, 3)
+    if not (len(points) and np.isfinite(points).all()):
+        return ""
+    longest = float(np.ptp(points, axis=0).max())
+    own = triangles - points.mean(axis=0)
+    water = abs(np.einsum("ni,ni->", own[:, 0], np.cross(own[:, 1], own[:, 2]))) / 6.0 * 1000.0
+    fits = {n: s for n, s in UNITS.items() if 0.1 <= s * longest <= 15.0}
+    if mass is not None and water > 0:
+        off = {n: abs(np.log(water * s**3 / mass)) for n, s in UNITS.items()}
+        best = min(off, key=lambda n: off[n])
+        fits = {best: UNITS[best]} if off[best] < np.log(10.0) else fits
+    fits = {n: s for n, s in fits.items() if s != scale}
+    words = (f"{n} (--scale {s:g} makes it {s * longest:.3g} m long)" for n, s in fits.items())
+    return f"is the file in {' or '.join(words)}?" if fits else ""
 
 
 def raw_triangles(path: Path) -> Array:
@@ -84,21 +116,20 @@ def raw_triangles(path: Path) -> Array:
     return triangles
 
 
-def repaired(triangles: Array, place: str) -> Mesh:
-    """Check that triangles bound a hull, turned outwards where they are not."""
+def repaired(triangles: Array, place: str, *, turn: bool = False, hint: str = "") -> Mesh:
+    """Check that triangles bound a hull; `turn` turns those outwards that are inside out.
+
+    `hint` names the likely unit of the file. Raises InputInvalid.
+    """
     finite_triangles(triangles, place)
     points = triangles.reshape(-1, 3)
     longest = float(np.ptp(points, axis=0).max())
     if not LEAST <= longest <= MOST:
-        guess = 0.001 if longest > MOST else 1000.0
+        hint = hint or likely_unit(triangles)
         raise InputInvalid(
             place,
             f"the hull is {longest:.3g} m long",
-            (
-                f"{LEAST:g} to {MOST:g} m: is the file in "
-                f"{'mm' if longest > MOST else 'another unit'}? --scale {guess:g} "
-                f"would make it {longest * guess:.3g} m"
-            ),
+            f"{LEAST:g} to {MOST:g} m{f': {hint}' if hint else ''}",
         )
     corners, faces = welded(triangles)
     notes = []
@@ -130,11 +161,16 @@ def repaired(triangles: Array, place: str) -> Mesh:
             f"the surface encloses no volume ({volume:.3g} m3 at {longest:.3g} m length)",
             "a closed hull with length, breadth and height",
         )
-    if turned:
-        notes.append(
-            f"{turned} of {len(faces)} triangles were turned inside out: flipped, so that every "
-            "normal points outwards"
+    if turned and not turn:
+        raise InputInvalid(
+            place,
+            f"{turned} of {len(faces)} triangles are inside out: their normals point into the hull",
+            "normals that point outwards: turn them where the mesh was made, or give "
+            "--turn-inside-out",
         )
+    if turned:
+        words = "were inside out and are turned, so that every normal points outwards"
+        notes.append(f"{turned} of {len(faces)} triangles {words}")
     return Mesh(corners[faces], tuple(notes))
 
 

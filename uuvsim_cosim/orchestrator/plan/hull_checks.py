@@ -16,7 +16,6 @@ from uuvsim_cosim.models.declaration.parameter_files import (
     vehicle_ids,
 )
 from uuvsim_cosim.orchestrator.plan.plan import PlannedComponent
-from uuvsim_cosim.orchestrator.plan.vehicle_match import hull_address
 
 __all__ = ["hull_warnings"]
 
@@ -30,8 +29,8 @@ def hull_warnings(components: Iterable[PlannedComponent]) -> list[str]:
     """Return a sentence for each check that a hull of the user's own does not pass."""
     found: dict[str, None] = {}
     for c in components:
-        address = hull_address(c.source) if c.source.startswith("model:") else None
-        if address is not None and split_address(address)[0] not in vehicle_ids():
+        address = c.description.made_for.get("hull", "") if c.source.startswith("model:") else ""
+        if address and split_address(address)[0] not in vehicle_ids():
             found |= dict.fromkeys(_failed(address))
     return list(found)
 

@@ -149,6 +149,7 @@ def described(cls: type, make: Callable[[], object]) -> Description:
         copies = False
     else:
         copies = True
+    vehicle = getattr(cls, "vehicle", "")
     return Description(
         name=cls.__name__,
         kind="python",
@@ -156,6 +157,7 @@ def described(cls: type, make: Callable[[], object]) -> Description:
         description=(cls.__doc__ or "").strip().split("\n", 1)[0],
         can_get_and_set_state=copies,
         can_serialize_state=copies,
+        made_for={"figures": vehicle} if isinstance(vehicle, str) and vehicle else {},
     )
 
 

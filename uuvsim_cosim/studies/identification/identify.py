@@ -150,7 +150,8 @@ def identify(
     from uuvsim_cosim.studies.identification.signals import MEASURED, Lookup, grid_of
 
     signals = recording if isinstance(recording, Signals) else read_log(recording)
-    plan = flatten(system if isinstance(system, System) else system_of(system))
+    mixed = system if isinstance(system, System) else system_of(system)
+    plan = flatten(mixed.with_mismatches("warn"))  # a hull whose numbers are sought is another
     at = _hull(plan, hull)
     fitted = wanted_parameters(plan, at, parameters)
     box = GreyBox(plan, at, fitted, exact="tick" in signals.metadata)
