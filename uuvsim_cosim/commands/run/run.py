@@ -198,7 +198,8 @@ def run_command(
             "--waypoints": waypoints, "--origin": origin, "--replace": replace, "--map": map_,
             "--rate": rate, "--vehicle": vehicle, "--force": force, "--ardusub": ardusub,
             "--px4": px4, "--real-time": real_time, "--isolate": isolate, "--grant": grant,
-            "--scenario": scenario, "--view": view, "--loops": loops, "--arm-real": arm_real, "--unsigned": unsigned,
+            "--scenario": scenario, "--view": view, "--loops": loops, "--arm-real": arm_real,
+            "--unsigned": unsigned,
         }  # fmt: skip
         for option, given in refused.items():
             if given:
@@ -257,7 +258,8 @@ def run_command(
                 backend="native" if native else "fmu",
                 record_every=record_every, progress=progress, about=about, real_time=pace,
                 isolate=isolate or [], watchdog=watchdog, grants=grants(grant or []),
-                scenario=scenario, trace_fmi=trace_fmi, observers=watched.observers, inputs=input_ or [],
+                scenario=scenario, trace_fmi=trace_fmi, observers=watched.observers,
+                inputs=input_ or [],
             )  # fmt: skip
         except Interrupted as interrupted:
             done = interrupted.run
