@@ -128,6 +128,11 @@ def test_memory_over_the_limit_is_refused_and_the_amount_is_named(act: Act, host
     assert granted[act] in note
 
 
+def test_memory_that_the_machine_has_is_refused_too(hostile: Path) -> None:
+    got, (note,) = done(hostile, Act.ALLOCATES, "6")  # GiB; the machine itself refuses 100
+    assert (got, "it asked for 7 GiB of memory" in note) == (-errno.ENOMEM, True)
+
+
 def test_a_well_behaved_fmu_gives_the_same_bits_without_a_note(first_order_fmi3: Path) -> None:
     results = []
     for isolate in (False, True):
