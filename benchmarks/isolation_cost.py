@@ -1,9 +1,10 @@
 """What a process of its own costs: an exchange with a component, in this process and beside it.
 
 The same exported FMI 3.0 FMU is stepped by the master in this process, in another through shared
-memory, and in another through pipes, in turn. One exchange is set, do_step and get. Medians of wall
-time and of CPU time (this process's and the child's). Target: under 10 µs of wall time through
-shared memory while both cores are free; `--busy` shows what it is when none is.
+memory, in a third such process that is a sandbox, and in another through pipes, in turn. One
+exchange is set, do_step and get. Medians of wall time and of CPU time (this process's and the
+child's). Target: under 10 µs of wall time through shared memory while both cores are free; `--busy`
+shows what it is when none is. The start is that of a process until its component is made.
 """
 
 from __future__ import annotations
@@ -24,21 +25,24 @@ from uuvsim_cosim.fmus.component import Component
 from uuvsim_cosim.fmus.export.fmu_file import build_fmu
 from uuvsim_cosim.fmus.importer.read_description import FmuArchive, read_fmu
 from uuvsim_cosim.fmus.instantiation.instantiate import instantiate_here
+from uuvsim_cosim.fmus.isolation.confinement import rules_of
+from uuvsim_cosim.fmus.isolation.grants import Grants
 from uuvsim_cosim.fmus.isolation.isolated import Isolated
 from uuvsim_cosim.orchestrator.master.master import Master
 from uuvsim_cosim.orchestrator.plan.plan import Group, Plan, PlannedComponent
 
-WAYS = ("in process", "shared memory", "pipes")
+WAYS = ("in process", "shared memory", "sandbox", "pipes")
 
 
 def made(archive: FmuArchive, way: str) -> Component:
     if way == WAYS[0]:
         return instantiate_here(archive, "lag")
-    shared = way == WAYS[1]
+    rules = rules_of(Grants(), archive.folder) if way == WAYS[2] else None
     arguments = (archive, "lag")
     return Isolated(
-        "lag", archive.description, instantiate_here, arguments, watchdog=30.0, shared=shared
-    )
+        "lag", archive.description, instantiate_here, arguments,
+        watchdog=30.0, shared=way != WAYS[3], rules=rules,
+    )  # fmt: skip
 
 
 def ready(archive: FmuArchive, way: str) -> Master:
@@ -70,13 +74,31 @@ def measure(archive: FmuArchive, steps: int, repeats: int) -> dict[str, tuple[fl
         clocks = {way: cpu_clock(master) for way, master in masters.items()}
         for repeat in range(repeats + 1):  # the first is not counted
             for way, master in masters.items():
-                n = steps // 20 if way == WAYS[2] else steps
+                n = steps // 20 if way == WAYS[3] else steps
                 begin, begin_cpu = time.perf_counter(), clocks[way]()
                 master.step(n)
                 if repeat:
                     wall[way].append((time.perf_counter() - begin) / n)
                     cpu[way].append((clocks[way]() - begin_cpu) / n)
     return {way: (statistics.median(wall[way]), statistics.median(cpu[way])) for way in WAYS}
+
+
+def starts(archive: FmuArchive, repeats: int) -> dict[str, tuple[float, float]]:
+    """Return the (wall, CPU) seconds of a start, by way."""
+    found: dict[str, list[tuple[float, float]]] = {way: [] for way in WAYS[1:3]}
+    for _ in range(repeats):
+        for way, times in found.items():
+            begin, before = time.perf_counter(), time.process_time()
+            component = made(archive, way)
+            wall = time.perf_counter() - begin
+            clock = ~(component.process or 0) << 3 | 2 if isinstance(component, Isolated) else 0
+            times.append((wall, time.process_time() - before + time.clock_gettime(clock)))
+            component.free()
+    medians = {
+        way: [statistics.median(column) for column in zip(*times, strict=True)]
+        for way, times in found.items()
+    }
+    return {way: (wall, cpu) for way, (wall, cpu) in medians.items()}
 
 
 def spin() -> None:
@@ -95,13 +117,18 @@ def main() -> None:
     for other in others if options.busy else ():
         other.start()
     load = f"; load {os.getloadavg()[0]:.1f} on {cores} cores" if hasattr(os, "getloadavg") else ""
-    got = measure(read_fmu(Path(build_fmu(lag(), fmi=3))), options.steps, options.repeats)
+    archive = read_fmu(Path(build_fmu(lag(), fmi=3)))
+    got = measure(archive, options.steps, options.repeats)
+    started = starts(archive, options.repeats)
     for other in others if options.busy else ():
         other.terminate()
     print(f"one exchange, medians of {options.repeats}{load}")
     print("               wall [µs]  CPU [µs]  wall ratio to shared memory")
     for way, (wall, cpu) in got.items():
         print(f"{way:13s}  {1e6 * wall:9.2f}  {1e6 * cpu:8.2f}  {wall / got[WAYS[1]][0]:9.3f}")
+    print("one start      wall [ms]  CPU [ms]")
+    for way, (wall, cpu) in started.items():
+        print(f"{way:13s}  {1e3 * wall:9.1f}  {1e3 * cpu:8.1f}")
 
 
 if __name__ == "__main__":

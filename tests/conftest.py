@@ -149,6 +149,20 @@ def first_order_fmi3(c_fmu: CFmu) -> Path:
 
 
 @pytest.fixture(scope="session")
+def hostile(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """An FMU in C, FMI 3.0, that does what a sandbox refuses, by its parameter `act`."""
+    import fmpy
+
+    include = [Path(fmpy.__file__).parent / "c-code"]
+    library = compile_shared([FOREIGN / "hostile_fmi3.c"], name="hostile", include=include)
+    members = {
+        "modelDescription.xml": (FOREIGN / "hostile_fmi3.xml").read_bytes(),
+        f"binaries/{host().fmi3}/hostile{host().suffix}": library.read_bytes(),
+    }
+    return write_archive(tmp_path_factory.mktemp("hostile") / "hostile.fmu", members)
+
+
+@pytest.fixture(scope="session")
 def kinetics(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Robertson's stiff kinetics in C, FMI 3.0: both interfaces, a structural parameter n.
 

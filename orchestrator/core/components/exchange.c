@@ -100,9 +100,10 @@ int exchange_put(const uuv_exchange *e, uuv_slot *shared, char *texts, const uuv
     return 1;
 }
 
-int exchange_take(const uuv_slot *shared, const char *texts, uuv_slot *slots, const access *accesses,
-                  uint32_t n) {
+int exchange_take(const uuv_exchange *e, const uuv_slot *shared, const char *texts, uuv_slot *slots,
+                  const access *accesses, uint32_t n) {
     const uint32_t first = n ? accesses[0].slot : 0;
+    size_t used = 0;
     for (uint32_t i = 0; i < n; i++) {
         const access *a = &accesses[i];
         const uuv_slot *from = shared + (a->slot - first);
@@ -112,8 +113,10 @@ int exchange_take(const uuv_slot *shared, const char *texts, uuv_slot *slots, co
             continue;
         }
         for (uint32_t k = 0; k < a->n_values; k++) {
-            if (!blob_assign(to[k].blob, texts, from[k].u)) return 0;
-            texts += from[k].u;
+            /* Read once: the other process may change it, or give a size beyond the memory. */
+            const uint64_t size = __atomic_load_n(&from[k].u, __ATOMIC_RELAXED);
+            if (size > e->text_room - used || !blob_assign(to[k].blob, texts + used, size)) return 0;
+            used += size;
         }
     }
     return 1;

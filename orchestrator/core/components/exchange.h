@@ -60,7 +60,7 @@ int turnstile_sleep(turnstile *t, uint32_t seen, double seconds);
 /* Copies between a process's slots and the shared ones; texts go in order. 0: no room, or memory. */
 int exchange_put(const uuv_exchange *e, uuv_slot *shared, char *texts, const uuv_slot *slots,
                  const access *accesses, uint32_t n);
-int exchange_take(const uuv_slot *shared, const char *texts, uuv_slot *slots, const access *accesses,
-                  uint32_t n);
+int exchange_take(const uuv_exchange *e, const uuv_slot *shared, const char *texts, uuv_slot *slots,
+                  const access *accesses, uint32_t n);
 
 #endif

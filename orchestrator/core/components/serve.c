@@ -28,7 +28,7 @@ static int get(uuv_core *core, uuv_exchange *e, member *m) {
 }
 
 static int step(uuv_core *core, uuv_exchange *e, member *m) {
-    if (!exchange_take(e->in, e->in_texts, core->slots, m->sets, m->n_sets))
+    if (!exchange_take(e, e->in, e->in_texts, core->slots, m->sets, m->n_sets))
         return failed(&core->why, UUV_CORE_NO_MEMORY, 0, UUV_CORE_SET);
     return m->kind->set(m, core->slots, &core->why) &&
            m->kind->do_step(m, core->slots, e->shared->t, e->shared->h, &core->why) && get(core, e, m);

@@ -105,7 +105,7 @@ static int shared_get(member *m, uuv_slot *slots, uuv_failure *why) {
     if (!e->read && !ask(e, EXCHANGE_GET)) return lost(why, UUV_CORE_GET);
     e->read = 1;
     if (!told(e, m, why)) return 0;
-    if (exchange_take(e->out, e->out_texts, slots, m->gets, m->n_gets)) return 1;
+    if (exchange_take(e, e->out, e->out_texts, slots, m->gets, m->n_gets)) return 1;
     return failed(why, UUV_CORE_NO_MEMORY, 0, UUV_CORE_GET);
 }
 

@@ -1,7 +1,6 @@
 from __future__ import annotations
 
 import os
-import pickle
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -18,6 +17,7 @@ from uuvsim_cosim.fmus.instantiation.instantiate import (
     instantiate_here,
     needs_own_process,
 )
+from uuvsim_cosim.fmus.isolation import isolated
 from uuvsim_cosim.fmus.isolation.isolated import Isolated
 
 CFmu = Callable[..., Path]
@@ -140,7 +140,7 @@ def test_after_an_interrupted_call_no_call_reads_its_answer(
     component = instantiate_fmu(first_order_fmi3, "plant", isolate=True)
     y = component.description.variables["y"]
     run(component, u=1.0)
-    load = pickle.load
+    load = isolated.load_answer
 
     def interrupted(pipe: Any) -> Any:
         if after:
@@ -148,7 +148,7 @@ def test_after_an_interrupted_call_no_call_reads_its_answer(
         raise KeyboardInterrupt
 
     with monkeypatch.context() as patch:
-        patch.setattr(pickle, "load", interrupted)
+        patch.setattr(isolated, "load_answer", interrupted)
         with pytest.raises(KeyboardInterrupt):
             component.do_step(0.3, 0.1)
     with pytest.raises(FmuError, match="was interrupted; expected a new instance"):

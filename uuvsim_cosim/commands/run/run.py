@@ -15,6 +15,7 @@ from uuvsim_cosim.commands.shared.completion import components, of, replacements
 from uuvsim_cosim.commands.shared.options import (
     assignments,
     expect_folder,
+    grants,
     rates,
     seconds,
     step_text,
@@ -34,6 +35,7 @@ from uuvsim_cosim.commands.shared.system_options import (
 )
 from uuvsim_cosim.commands.shared.terminal import file_line, line, notice, put, remark, tilde
 from uuvsim_cosim.errors import ComponentFailed, InputInvalid, LoopNotConverged
+from uuvsim_cosim.fmus.isolation.grants import GRANTS
 
 if TYPE_CHECKING:
     from uuvsim_cosim.fmus.tracing.trace import Trace
@@ -130,6 +132,12 @@ def run_command(
     watchdog: Annotated[
         float, typer.Option(help="Longest time in s until an isolated component answers.")
     ] = 30.0,
+    grant: Annotated[
+        list[str] | None,
+        typer.Option(
+            help=f"Exception to an isolated FMU's sandbox, component=GRANT: {GRANTS}; repeatable."
+        ),
+    ] = None,
     loops: Annotated[
         str | None,
         typer.Option(
@@ -185,8 +193,9 @@ def run_command(
         refused = {
             "--waypoints": waypoints, "--origin": origin, "--replace": replace, "--map": map_,
             "--rate": rate, "--vehicle": vehicle, "--force": force, "--ardusub": ardusub,
-            "--px4": px4, "--real-time": real_time, "--isolate": isolate, "--scenario": scenario,
-            "--view": view, "--loops": loops, "--arm-real": arm_real, "--unsigned": unsigned,
+            "--px4": px4, "--real-time": real_time, "--isolate": isolate, "--grant": grant,
+            "--scenario": scenario, "--view": view, "--loops": loops, "--arm-real": arm_real,
+            "--unsigned": unsigned,
         }  # fmt: skip
         for option, given in refused.items():
             if given:
@@ -244,8 +253,9 @@ def run_command(
                 edited, until=until, start_time=start, out=out, seed=seed,
                 backend="native" if native else "fmu",
                 record_every=record_every, progress=progress, about=about, real_time=pace,
-                isolate=isolate or [], watchdog=watchdog, scenario=scenario, trace_fmi=trace_fmi,
-                observers=watched.observers, inputs=input_ or [],
+                isolate=isolate or [], watchdog=watchdog, grants=grants(grant or []),
+                scenario=scenario, trace_fmi=trace_fmi, observers=watched.observers,
+                inputs=input_ or [],
             )  # fmt: skip
         except Interrupted as interrupted:
             done = interrupted.run

@@ -24,7 +24,8 @@ _FMU = {
 GROUPS: dict[str, dict[str, tuple[str, ...]]] = {
     "run": {
         _SYSTEM: ("--vehicle", "--set", "--replace", "--map", "--force", "--ardusub", "--px4",
-                  "--loops", "--native", "--isolate", "--watchdog", "--arm-real", "--unsigned"),
+                  "--loops", "--native", "--isolate", "--watchdog", "--grant", "--arm-real",
+                  "--unsigned"),
         _TIME: ("--until", "--start", "--rate", "--real-time", "--overruns"),
         _INPUTS: ("--input", "--waypoints", "--origin", "--scenario", "--seed"),
         OUTPUT: ("--out", "--record-every", "--no-report", "--open", "--view", "--port",

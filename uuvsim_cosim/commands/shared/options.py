@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import typer
 
 from uuvsim_cosim.errors import InputInvalid
+from uuvsim_cosim.fmus.isolation.grants import GRANTS
 
 if TYPE_CHECKING:
     from uuvsim_cosim.cluster.ray_cluster import Cluster
@@ -23,6 +24,7 @@ __all__ = [
     "expect_folder",
     "fmi_version",
     "folder_option",
+    "grants",
     "nested",
     "platform_names",
     "rates",
@@ -105,6 +107,17 @@ def rates(texts: Iterable[str]) -> dict[str, str]:
     """Return the communication steps [s] of ``component=step``; a step may carry a unit."""
     found = assignments("--rate", texts, "component=step, such as 0.02 or 20ms", dotted=False)
     return {name: step_text(text, f"--rate {name}") for name, text in found.items()}
+
+
+def grants(texts: Iterable[str]) -> dict[str, list[str]]:
+    """Return the grants of each component of ``component=grant``."""
+    found: dict[str, list[str]] = {}
+    for text in texts:
+        name, equals, grant = (part.strip() for part in text.partition("="))
+        if not (name and equals and grant):
+            raise InputInvalid(f"--grant {text}: expected component={GRANTS}")
+        found.setdefault(name, []).append(grant)
+    return found
 
 
 def by_component(found: dict[str, str]) -> dict[str, dict[str, str]]:

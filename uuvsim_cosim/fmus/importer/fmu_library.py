@@ -16,6 +16,7 @@ from uuvsim_cosim.errors import FmuError
 from uuvsim_cosim.fmus.codegen.toolchain import Signatures, host
 from uuvsim_cosim.fmus.importer.read_description import FmuArchive
 from uuvsim_cosim.fmus.importer.source_code import compiled
+from uuvsim_cosim.fmus.isolation.confinement import loads
 from uuvsim_cosim.fmus.isolation.guard import Guarded
 
 __all__ = ["FmuLibrary", "library_of"]
@@ -37,6 +38,7 @@ class FmuLibrary:
         self._prefix = prefix
         self._signatures = signatures
         self._bound: dict[str, Guarded] = {}
+        loads()
         try:
             self._c = _loaded(self.file, self.file.stat().st_ino)
         except OSError as error:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Iterable
 from pathlib import Path
 
 from uuvsim_cosim.fmus.component import Component
@@ -10,7 +11,11 @@ from uuvsim_cosim.fmus.importer.fmu2 import Fmu2
 from uuvsim_cosim.fmus.importer.fmu3 import Fmu3
 from uuvsim_cosim.fmus.importer.fmu_binary import lives_here
 from uuvsim_cosim.fmus.importer.fmu_library import library_of
+from uuvsim_cosim.fmus.importer.message_log import logger_library
 from uuvsim_cosim.fmus.importer.read_description import FmuArchive, read_fmu
+from uuvsim_cosim.fmus.isolation.confinement import rules_of
+from uuvsim_cosim.fmus.isolation.grants import Grants
+from uuvsim_cosim.fmus.isolation.guard import guard_library
 from uuvsim_cosim.fmus.isolation.isolated import Isolated
 from uuvsim_cosim.fmus.model_exchange.component import ModelExchange
 
@@ -24,13 +29,18 @@ def instantiate_fmu(
     isolate: bool = False,
     watchdog: float | None = None,
     logging_on: bool = True,
+    grants: Iterable[str] = (),
+    wait: bool = True,
 ) -> Component:
     """Instantiate an `fmu`, a file or one that was read, as the component `path`.
 
     It gets its own process if `isolate` is set, or if it cannot be in this process: a second
     instance of an FMU that allows only one, or an FMU made of a Python module whose name is in use.
-    An isolated component that does not answer within `watchdog` [s] fails. Without `logging_on`,
-    the FMU is asked not to log. Raises FmuError for an FMU that cannot be read or loaded.
+    An isolated component that does not answer within `watchdog` [s] fails. With `isolate`, the
+    process is a sandbox: the FMU may read its own files and those of the system, and `grants`, such
+    as ``["files:/data", "network"]``, permit more (see `Grants`). Without `logging_on`, the FMU is
+    asked not to log. Without `wait`, the first call waits until an isolated FMU has started. Raises
+    FmuError for an FMU that cannot be read or loaded.
 
     Example:
 
@@ -46,12 +56,19 @@ def instantiate_fmu(
     archive = fmu if isinstance(fmu, FmuArchive) else read_fmu(fmu)
     library_of(archive)  # compile sources here, as the watchdog would not wait for the compiler
     if isolate or needs_own_process(archive):
+        granted = Grants.of(grants)
+        rules = rules_of(granted, archive.folder) if isolate and not granted.all else None
+        if rules is not None:  # the child cannot compile
+            guard_library()
+            logger_library()
         return Isolated(
             path,
             archive.description,
             instantiate_here,
             (archive, path, logging_on),
             watchdog=watchdog,
+            wait=wait,
+            rules=rules,
         )
     return instantiate_here(archive, path, logging_on)
 

@@ -21,12 +21,18 @@ from typing import IO, TYPE_CHECKING, Any, Protocol, final
 from uuvsim_cosim.errors import ComponentFailed, FmuError, InputInvalid, UuvsimError
 from uuvsim_cosim.fmus.component import Binding, BindingKind, Component
 from uuvsim_cosim.fmus.description import Description, Variable
+from uuvsim_cosim.fmus.isolation.answers import load_answer
+from uuvsim_cosim.fmus.isolation.confinement import Rules
 
 if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import ArrayLike
 
-__all__ = ["Isolated", "check_watchdog"]
+    from uuvsim_cosim.fmus.isolation.refusals import Refusals
+
+__all__ = ["NO_SANDBOX", "Isolated", "check_watchdog"]
+
+NO_SANDBOX = "an isolated FMU may use files, sockets, processes and memory"
 
 
 def check_watchdog(seconds: float, what: str = "watchdog") -> None:
@@ -79,6 +85,10 @@ class Isolated:
     seconds ends the child. Without `shared`, and on systems without anonymous shared memory,
     `segment` is None, and a stepping loop uses the pipes as well. Without `wait`, several children
     can start at the same time, and an error of the start is raised by the first call.
+
+    `rules` are the sandbox of an FMU, which the child applies before it loads the FMU's library.
+    Refused accesses are notes among the messages; `lacking` has a sentence for each protection that
+    this system does not have, once the component is made.
     """
 
     def __init__(
@@ -91,6 +101,7 @@ class Isolated:
         watchdog: float | None = None,
         shared: bool = True,
         wait: bool = True,
+        rules: Rules | None = None,
     ) -> None:
         if watchdog is not None:
             check_watchdog(watchdog)
@@ -100,26 +111,42 @@ class Isolated:
         self.watchdog = watchdog
         # Memory without a name, which is freed with the last process that has it open.
         make = getattr(os, "memfd_create", None) if shared else None
-        self.segment = None if make is None else int(make("uuvsim-exchange"))
+        self.segment = None if make is None else _shared_memory(make)
         self._stepper: Stepper | None = None
         self._time = 0.0
         self._orphans: list[int] = []
         self._logger = logging.getLogger(f"uuvsim_cosim.{path}")
         self._output = tempfile.TemporaryFile()  # noqa: SIM115
+        self.lacking: list[str] = []
+        self._refusals: Refusals | None = None
+        module, more, given = "isolated_child", [], [] if self.segment is None else [self.segment]
+        if rules is not None and sys.platform == "linux":
+            from uuvsim_cosim.fmus.isolation.refusals import Refusals
+
+            self._refusals = Refusals(path, rules, self._note)
+            descriptor = self._refusals.given.fileno()
+            given.append(descriptor)
+            module, more = "confined_child", [str(descriptor), rules.to_text()]
+        elif rules is not None:
+            self.lacking.append(f"{sys.platform} is not Linux: {NO_SANDBOX}")
         search = os.pathsep.join(p for p in sys.path if p)
         self._child: subprocess.Popen[bytes] | None = subprocess.Popen(
             [
                 sys.executable,
+                *(["-P"] if more else []),  # the current folder may not be read
                 "-m",
-                "uuvsim_cosim.fmus.isolation.isolated_child",
+                f"uuvsim_cosim.fmus.isolation.{module}",
                 str(self.segment or 0),
+                *more,
             ],
-            pass_fds=() if self.segment is None else (self.segment,),
+            pass_fds=given,
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=self._output,
             env={**os.environ, "PYTHONPATH": search},
         )
+        if self._refusals is not None:
+            self._refusals.start()
         self._starting = True
         with contextlib.suppress(OSError):  # if the child is gone, waiting for the answer raises
             _send(self._child.stdin, ("instantiate", (factory, tuple(arguments)), []))
@@ -212,6 +239,8 @@ class Isolated:
             child.kill()
             child.wait()
         self._output.close()
+        if self._refusals is not None:
+            self._refusals.close()
         if stepper is not None:
             stepper.close()
         if self.segment is not None:
@@ -302,6 +331,11 @@ class Isolated:
         except BaseException:
             self.free()
             raise
+        if self._refusals is not None:
+            self._refusals.wait_until_told()
+            self.lacking += self._refusals.lacking
+        for sentence in self.lacking:
+            self._logger.warning("%s", sentence)
 
     def _answer(
         self, child: subprocess.Popen[bytes], call: object, *, imports: bool = False
@@ -323,9 +357,13 @@ class Isolated:
             if call is not None:
                 _send(child.stdin, call)
             assert child.stdout is not None
-            status, result, messages = pickle.load(child.stdout)
-        except (EOFError, OSError, pickle.UnpicklingError):
+            status, result, messages = load_answer(child.stdout)
+        except (EOFError, OSError):
             raise self._died(child, late.is_set()) from None
+        except pickle.UnpicklingError as error:  # an FMU wrote into the pipe
+            self.free()
+            reason = f"its process sent what is no answer ({error}), and was ended"
+            raise ComponentFailed(self.path, self._time, self._explained(reason)) from None
         except BaseException:  # an interruption: the next call must not read this call's answer
             child.kill()
             self.free()
@@ -338,9 +376,10 @@ class Isolated:
             severe = logging.INFO if level == "ok" else logging.WARNING
             self._logger.log(severe, "%s", text)
         if status == "failed":
-            raise ComponentFailed(*result)
+            failed, time, reason, *asks = result
+            raise ComponentFailed(failed, time, self._explained(reason), *asks)
         if status == "refused":
-            raise FmuError(result)
+            raise FmuError(self._explained(result))
         return result
 
     def _died(self, child: subprocess.Popen[bytes], late: bool) -> ComponentFailed:
@@ -364,7 +403,28 @@ class Isolated:
             if report != last:  # the guard's report, without the name of the component
                 last = report.partition(", which ends")[0].partition("; in a ")[0]
             reason = f"its process died ({how})" + (f": {last[:200]}" if lines else "")
-        return ComponentFailed(self.path, self._time, reason)
+        return ComponentFailed(self.path, self._time, self._explained(reason))
+
+    # ---- the sandbox --------------------------------------------------------------------------
+
+    def _note(self, text: str) -> None:
+        """Report a refused access; called in a thread of its own."""
+        self.messages.append(("note", text))
+        self._logger.warning("%s", text)
+
+    def _explained(self, reason: str) -> str:
+        """Return the reason of a failure with the last access that was refused."""
+        last = "" if self._refusals is None else self._refusals.last
+        return f"{reason}; {last}" if last else reason
+
+
+def _shared_memory(make: Callable[[str, int], int]) -> int:
+    """Return memory without a name, which the child cannot make smaller: reading it would fail."""
+    import fcntl
+
+    made = make("uuvsim-exchange", os.MFD_CLOEXEC | os.MFD_ALLOW_SEALING)
+    fcntl.fcntl(made, fcntl.F_ADD_SEALS, fcntl.F_SEAL_SHRINK)
+    return made
 
 
 def _send(pipe: IO[bytes] | None, message: object) -> None:

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.fmus.component import Component
+from uuvsim_cosim.fmus.isolation.grants import Grants
 from uuvsim_cosim.fmus.isolation.isolated import Isolated
 from uuvsim_cosim.models.declaration.near_names import expected_names
 from uuvsim_cosim.notebook_bar import Progress
@@ -30,14 +31,16 @@ def prepare(
     isolate: Collection[str] = (),
     watchdog: float | None = 30.0,
     trace: Trace | None = None,
+    grants: Mapping[str, Sequence[str]] | None = None,
 ) -> Callable[[PlannedComponent], Component]:
     """Compile the declarations of a `plan` in parallel; return a function that makes a component.
 
     `backend` "fmu" makes FMUs, "native" native components; both give the same bits.
     ``progress("building", done, total)`` is called after each. The components that `isolate`
     names by path (or all, by "*") get a process of their own, which fails if it does not answer
-    within `watchdog` seconds. FMUs write their calls into `trace`. Raises ToolchainError,
-    InputInvalid.
+    within `watchdog` seconds. An isolated FMU is in a sandbox, to which `grants` by path, such as
+    ``{"controller": ["files:/data"]}`` (or by "*"), are exceptions. FMUs write their calls into
+    `trace`. Raises ToolchainError, InputInvalid.
 
     Example:
 
@@ -55,6 +58,12 @@ def prepare(
             raise InputInvalid(
                 "isolate", f"no component {path!r}", f"{expected_names(path, paths)}, or * for all"
             )
+    granted = grants or {}
+    for path, texts in granted.items():
+        if path not in isolate and "*" not in isolate:
+            expected = f"a component of isolate: {', '.join(isolate) or 'there is none'}"
+            raise InputInvalid("grants", f"{path!r} is not isolated", expected)
+        Grants.of(texts, f"grants {path}")
     declared = {c.source for c in plan.components if c.source.startswith("model:")}
     built: dict[str, Path] = {}
     total = len(declared)
@@ -76,7 +85,11 @@ def prepare(
         source = resolve(text)
         if trace is not None and isinstance(source, FmuSource):
             return source.traced(planned.path, trace)
-        if planned.path in isolate or "*" in isolate:
+        isolates = planned.path in isolate or "*" in isolate
+        if isolates and isinstance(source, FmuSource):
+            texts = (*granted.get("*", ()), *granted.get(planned.path, ()))
+            return source.isolated(planned.path, watchdog, texts)
+        if isolates:
             return Isolated(
                 planned.path,
                 source.describe(),

@@ -50,7 +50,9 @@ class Exchange:
         sizes = [sum(v.size for v in group) for group in (inputs, outputs)]
         capacity = text_capacity([*inputs, *outputs])
         # The memory gets its size before either side maps it.
-        os.ftruncate(segment, self._c.uuv_exchange_size(*sizes, capacity))
+        size = self._c.uuv_exchange_size(*sizes, capacity)
+        if size > os.fstat(segment).st_size:
+            os.ftruncate(segment, size)
         if not self._c.uuv_exchange_map(self.address, segment, *sizes, capacity):
             raise UuvsimError(
                 f"{component.path}: {capacity} bytes of shared memory cannot be mapped"

@@ -178,6 +178,7 @@ def run(
     scenario: Scenario | str | Path | None = None,
     isolate: Collection[str] = (),
     watchdog: float = 30.0,
+    grants: Mapping[str, Sequence[str]] | None = None,
     trace_fmi: str | Path | None = None,
     observers: Sequence[Observer] = (),
     loops: Loops | None = None,
@@ -198,7 +199,9 @@ def run(
     run.json. `real_time` is a factor of real time, or a `Pace`; without it the run is as fast as
     possible. `scenario` (or its file) is a list of events during the run. `isolate` names
     components that get a process of their own ("*": all), so that their crash only raises an error;
-    one that does not answer within `watchdog` seconds fails. `trace_fmi` is a CSV file of every
+    one that does not answer within `watchdog` seconds fails. Isolated FMUs are in a sandbox, to
+    which `grants` by component, such as ``{"controller": ["files:/data"]}``, are exceptions.
+    `trace_fmi` is a CSV file of every
     call of every FMU; the run is slow then, with the same result. `observers` get the rows in
     addition to the recorder. `loops` is the policy for algebraic loops instead of the system's own
     (see `System.with_loops`). `inputs` are CSV files, or waveforms such as
@@ -260,7 +263,7 @@ def run(
             refuse_too_large(plan, backend, isolate, folder.path, rows)
             provenance = provenance_of(system, plan, seed, backend, record_every, end, about or {})
             provenance["notes"] += [d.note for d in drives]
-            instantiate = prepare(plan, backend, report, isolate, watchdog, trace)
+            instantiate = prepare(plan, backend, report, isolate, watchdog, trace, grants)
             write_ssd(system, folder.path / "system.ssd")
             recorder = Recorder(
                 folder.path, provenance={k: provenance[k] for k in ("system", "seed")}
@@ -368,6 +371,8 @@ def _simulated(
         finally:
             if isinstance(stepped, Driven):
                 stepped.close()
+        left_out = {text for c in master.components for text in getattr(c, "lacking", ())}
+        provenance["warnings"] += [f"isolation: {text}" for text in sorted(left_out)]
         provenance["warnings"] += [
             f"{c.path}: {text}"
             for c in master.components

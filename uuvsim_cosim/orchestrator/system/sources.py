@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
@@ -106,6 +106,14 @@ class FmuSource:
         from uuvsim_cosim.fmus.instantiation.instantiate import instantiate_fmu
 
         return instantiate_fmu(_archive(self), path)
+
+    def isolated(self, path: str, watchdog: float | None, grants: Iterable[str]) -> Component:
+        """Make an instance in a sandbox, without waiting for its start."""
+        from uuvsim_cosim.fmus.instantiation.instantiate import instantiate_fmu
+
+        return instantiate_fmu(
+            _archive(self), path, isolate=True, watchdog=watchdog, grants=grants, wait=False
+        )
 
     def traced(self, path: str, trace: Trace) -> Component:
         """Make an instance in this process that writes each of its calls."""
