@@ -43,7 +43,6 @@ class McapFile:
     def __init__(self, out: BinaryIO, library: str) -> None:
         """Write the beginning of the file."""
         self._out, self._at = out, 0
-        self._compressor = zstandard.ZstdCompressor(level=LEVEL)
         self._schemas: list[Schema] = []
         self._channels: list[Channel] = []
         self._chunks: list[ChunkIndex] = []
@@ -139,19 +138,15 @@ class McapFile:
             index[channel] = np.concatenate([index[channel], own]) if channel in index else own
         self._index = {}
         data = b"".join((before, records)) if before else records
-        packed = self._compressor.compress(data)
+        packed = zstandard.compress(data, LEVEL)
         times = [pairs[:, 0] for pairs in index.values()]
         begin, end = int(min(t.min() for t in times)), int(max(t.max() for t in times))
         place = self._at
         chunk = Chunk(
-            compression="zstd", data=b"", message_start_time=begin, message_end_time=end,
+            compression="zstd", data=packed, message_start_time=begin, message_end_time=end,
             uncompressed_crc=zlib.crc32(data), uncompressed_size=len(data),
         )  # fmt: skip
-        head = bytearray(_bytes(chunk))  # without its data, which the library would copy
-        head[1:9] = struct.pack("<Q", len(head) - 9 + len(packed))
-        head[-8:] = struct.pack("<Q", len(packed))
-        self._write(head)
-        self._write(packed)
+        self._write(_bytes(chunk))
         length, indexes = self._at - place, {}
         for channel, pairs in index.items():
             indexes[channel] = self._at
@@ -166,7 +161,7 @@ class McapFile:
             uncompressed_size=len(data),
         ))  # fmt: skip
 
-    def _write(self, data: bytes | bytearray) -> None:
+    def _write(self, data: bytes) -> None:
         self._out.write(data)
         self._at += len(data)
 
