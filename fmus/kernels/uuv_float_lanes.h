@@ -51,6 +51,10 @@ static inline V uuv_neg(V x) { return uuv_from_bits(uuv_to_bits(x) ^ UUV_SIGN_BI
 static inline V uuv_copysign(V x, V sign) {
     return uuv_from_bits((uuv_to_bits(x) & ~UUV_SIGN_BIT) | (uuv_to_bits(sign) & UUV_SIGN_BIT));
 }
+/* x, or 0 if products of it would be subnormal; see uuv_lanes.h. */
+static inline V uuv_settled(V x) {
+    return uuv_keep(~uuv_mask_lt(uuv_fabs(x), uuv_const(0x1p-100f)), x);
+}
 static inline V uuv_sqrt(V x) {
 #if defined(__clang__)
     return __builtin_elementwise_sqrt(x);

@@ -83,6 +83,10 @@ UUV_STEP_INLINE void derivative_stages(V *b, V t, V h, V x0[D_X + 1], V k[4][D_X
     b[0] = t + h;
 }
 
+UUV_STEP_INLINE void derivative_settle(V *x) {
+    for (uint32_t i = 0; i < D_X; i++) x[i] = uuv_settled(x[i]);
+}
+
 UUV_STEP_INLINE void derivative_sum(V k[4][D_X + 1]) {
     const V two = uuv_const(2);
     for (uint32_t i = 0; i < D_X; i++) k[0][i] = k[0][i] + two * k[1][i] + two * k[2][i] + k[3][i];
@@ -94,6 +98,7 @@ UUV_STEP_INLINE void derivative_runge_kutta(V *b, V t, V h) {
     rhs(b, k[3]);
     derivative_sum(k);
     derivative_advance(b + D_FIRST_X, x0, h / uuv_const(6), k[0]);
+    derivative_settle(b + D_FIRST_X);
 }
 
 static void derivative_step(V *cells, V *b, uint32_t n_pieces, const uint8_t *periods,
@@ -126,6 +131,7 @@ UUV_STEP_INLINE void tangent_runge_kutta(V *b, V *d, V t, V h) {
     derivative_sum(k);
     derivative_sum(dk);
     derivative_advance(x, x0, h / uuv_const(6), k[0]);
+    derivative_settle(x);
     derivative_advance(dx, dx0, h / uuv_const(6), dk[0]);
 }
 

@@ -93,6 +93,9 @@ UUV_STEP_INLINE void lane_integrate(const uuv_lane_component *c, V *b, const V *
         lane_derivatives(c, b, p, count, t + h, scratch, k4);
         for (uint32_t i = 0; i < n; i++) k1[i] = k1[i] + two * k2[i] + two * k3[i] + k4[i];
         lane_advance_states(c, b, count, sixth, x0, k1);
+        for (uint32_t j = 0; j < count; j++)
+            for (uint32_t i = c->off_x; i < c->off_x + c->n_x; i++)
+                b[j * c->n_block + i] = uuv_settled(b[j * c->n_block + i]);
     }
 }
 

@@ -90,6 +90,7 @@ UUV_CORE_API void uuv_core_free(uuv_core *core) {
     free(core->segments);
     free(core->couplings);
     free(core->spans);
+    free(core->twins);
     free(core->singles);
     free(core->most);
     free(core->coupling_of);

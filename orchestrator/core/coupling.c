@@ -48,9 +48,13 @@ static void list_singles(uuv_core *core, span *place) {
     core->n_long = n;
     for (uint32_t i = 0; i < core->n_spans; i++)
         if (is_short(&place[i])) core->spans[n++] = place[i];
-    for (const span *s = core->spans + core->n_long; s < core->spans + n; s++)
-        for (uint32_t k = 0; k < s->count; k++)
+    for (const span *s = core->spans + core->n_long; s < core->spans + n; s++) {
+        uint32_t k = 0;
+        for (; k + 2 <= s->count; k += 2)
+            core->twins[core->n_twins++] = (single){s->source + k, s->target + k, s->first + k};
+        if (k < s->count)
             core->singles[core->n_singles++] = (single){s->source + k, s->target + k, s->first + k};
+    }
 }
 
 int find_couplings(uuv_core *core) {
@@ -61,12 +65,13 @@ int find_couplings(uuv_core *core) {
         for (uint32_t k = 0; k < core->members[i].n_transfers; k++, n++) n_values += core->members[i].transfers[k].count;
     core->largest = calloc(n, sizeof *core->largest);
     core->spans = calloc(n, sizeof *core->spans);
+    core->twins = calloc(n_values, sizeof *core->twins);
     core->singles = calloc(n_values, sizeof *core->singles);
     core->most = calloc(n_values, sizeof *core->most);
     core->coupling_of = calloc(n_values, sizeof *core->coupling_of);
     core->couplings = calloc(n, sizeof *core->couplings);
     span *place = calloc(n, sizeof *place);
-    if (!place || !core->largest || !core->spans || !core->singles || !core->most || !core->coupling_of || !core->couplings)
+    if (!place || !core->largest || !core->spans || !core->twins || !core->singles || !core->most || !core->coupling_of || !core->couplings)
         return free(place), failed(&core->why, UUV_CORE_NO_MEMORY, 0, UUV_CORE_GET);
     if (!core->unmeasured) list(core, 1, &listed);
     list_singles(core, place);

@@ -36,7 +36,13 @@ static inline void measure_couplings(uuv_core *core) {
     for (const span *s = first; s < shorts; s++) measure_span(core, s, 0);
     for (const span *s = plain; s < first + core->n_spans; s++) measure_span(core, s, 1);
     if (shorts == plain || core->tick < shorts->since) return;
-    int larger = 0;
+    const pair_mask number = {INT64_MAX, INT64_MAX};
+    pair_mask larger_of_two = {0, 0};
+    for (const single *v = core->twins, *const end = v + core->n_twins; v < end; v++) {
+        const pair d = *(const pair *)&slots[v->source].f - *(const pair *)&slots[v->target].f;
+        larger_of_two |= (pair)((pair_mask)d & number) > *(const pair *)&core->most[v->value];
+    }
+    int larger = (larger_of_two[0] | larger_of_two[1]) != 0;
     for (const single *v = core->singles, *const end = v + core->n_singles; v < end; v++)
         larger |= fabs(slots[v->source].f - slots[v->target].f) > core->most[v->value];
     for (const span *s = shorts; larger && s < plain; s++) note_residuals(core, s);

@@ -28,6 +28,14 @@ static int add_value(const uuv_core *core, part **parts, uint32_t *n, uint32_t s
     return next != NULL;
 }
 
+static int add_bounds(const uuv_core *core, in_place *v, uint32_t slot) {
+    const double low = core->low[slot], high = core->high[slot];
+    if (low <= -DBL_MAX && high >= DBL_MAX) return 1; /* outputs are finite */
+    bounded *next = append((void **)&v->bounds, &v->n_bounds, sizeof *next);
+    if (next) *next = (bounded){low, high, slot};
+    return next != NULL;
+}
+
 /* Copies of floating-point numbers go straight to the component; others by way of their slots. */
 static int add_copies(const uuv_core *core, member *m, uint8_t *is_copied) {
     in_place *v = &m->values;
@@ -35,16 +43,16 @@ static int add_copies(const uuv_core *core, member *m, uint8_t *is_copied) {
         transfer *t = &m->transfers[i];
         const uint32_t source = t->source + (t->early ? core->n_slots : 0);
         t->in_place = t->copy && t->target_class == CLASS_FLOAT;
-        for (uint32_t k = 0; t->in_place && k < t->count; k++) {
-            const uint32_t slot = t->target + k;
-            copied *next = append((void **)&v->copies, &v->n_copies, sizeof *next);
+        for (uint32_t k = 0, n; t->in_place && k < t->count; k += n) {
+            const uint32_t slot = t->target + k, *offset = v->offsets + (slot - v->first_in);
+            n = k + 1 < t->count && offset[1] == offset[0] + 1 ? 2 : 1;
+            copied *next = n == 2 ? append((void **)&v->pairs, &v->n_pairs, sizeof *next)
+                                  : append((void **)&v->copies, &v->n_copies, sizeof *next);
             if (!next) return 0;
-            *next = (copied){source + k, slot, v->offsets[slot - v->first_in]};
-            is_copied[slot - v->first_in] = 1;
-            if (core->low[slot] == -DBL_MAX && core->high[slot] == DBL_MAX) continue;
-            uint32_t *bounded = append((void **)&v->bounded, &v->n_bounded, sizeof *bounded);
-            if (!bounded) return 0;
-            *bounded = slot;
+            *next = (copied){source + k, slot, *offset};
+            for (uint32_t s = slot; s < slot + n; s++)
+                if (!add_bounds(core, v, s)) return 0;
+            memset(is_copied + (slot - v->first_in), 1, n);
         }
     }
     for (uint32_t i = 0; i < v->n_in; i++)
@@ -56,11 +64,11 @@ static int add_copies(const uuv_core *core, member *m, uint8_t *is_copied) {
 
 void free_values(member *m) {
     in_place *v = &m->values;
-    free(v->copies), free(v->writes), free(v->reads), free(v->bounded);
-    v->copies = NULL;
+    free(v->pairs), free(v->copies), free(v->writes), free(v->reads), free(v->bounds);
+    v->pairs = v->copies = NULL;
     v->writes = v->reads = NULL;
-    v->bounded = NULL;
-    v->n_copies = v->n_writes = v->n_reads = v->n_bounded = 0;
+    v->bounds = NULL;
+    v->n_pairs = v->n_copies = v->n_writes = v->n_reads = v->n_bounds = 0;
 }
 
 static int find_values(const uuv_core *core, member *m) {

@@ -38,35 +38,38 @@ static inline int read_in_place(uuv_core *core, member *m) {
         uuv_slot *restrict const to = m->fresh + p->slot;
         const double *restrict const from = v->at.block + p->offset;
         const uint32_t count = p->count;
-        if (p->class == CLASS_FLOAT)
-            for (uint32_t k = 0; k < count; k++) to[k].f = from[k];
-        else
-            for (uint32_t k = 0; k < count; k++) to[k] = from_block(from[k], p->class);
+        uint32_t k = 0;
+        if (p->class == CLASS_FLOAT) {
+            for (; k + 2 <= count; k += 2) *(pair *)&to[k].f = *(const pair *)(from + k);
+            if (k < count) to[k].f = from[k];
+        } else {
+            for (; k < count; k++) to[k] = from_block(from[k], p->class);
+        }
     }
     return 1;
 }
 
 /* Says whether the component's own setter has to look at an input, because it may refuse it. */
-static inline int is_outside(const uuv_core *core, uint32_t slot, double x) {
-    return !(x >= core->low[slot] && x <= core->high[slot]);
-}
+static inline int is_outside(double x, double low, double high) { return !(x >= low) | !(x <= high); }
 
 static inline int set_in_place(uuv_core *core, member *m) {
     const in_place *v = &m->values;
     uuv_slot *const slots = core->slots;
     double *const block = v->at.block;
     int outside = core->n_faulty != 0; /* what faults do to a number may leave it infinite */
+    for (const copied *c = v->pairs, *const end = c + v->n_pairs; c < end; c++)
+        *(pair *)(block + c->offset) = *(pair *)&slots[c->slot].f = *(const pair *)&slots[c->source].f;
     for (const copied *c = v->copies, *const end = c + v->n_copies; c < end; c++)
         block[c->offset] = slots[c->slot].f = slots[c->source].f;
-    for (uint32_t i = 0; i < v->n_bounded; i++)
-        outside |= is_outside(core, v->bounded[i], slots[v->bounded[i]].f);
+    for (const bounded *b = v->bounds, *const end = b + v->n_bounds; b < end; b++)
+        outside |= is_outside(slots[b->slot].f, b->low, b->high);
     if (v->n_writes) {
         for (uint32_t i = 0; i < m->n_transfers; i++)
             if (!m->transfers[i].in_place && !carry(core, &m->transfers[i])) return 0;
         for (const part *p = v->writes; p < v->writes + v->n_writes; p++)
             for (uint32_t k = 0; k < p->count; k++) {
                 const double x = block[p->offset + k] = to_block(slots[p->slot + k], p->class);
-                outside |= is_outside(core, p->slot + k, x);
+                outside |= is_outside(x, core->low[p->slot + k], core->high[p->slot + k]);
             }
     }
     *v->at.outputs_stale = 1;

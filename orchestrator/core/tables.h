@@ -43,10 +43,15 @@ typedef struct {
     double factor, offset;
 } span;
 
-/* A value of a short span whose ends step at each tick, and its place in `most`. */
+/* One value of a short span whose ends step at each tick, or two that follow each other, and its
+ * place in `most`. */
 typedef struct {
     uint32_t source, target, value;
 } single;
+
+/* Two floating-point numbers that follow each other, moved and compared at once. */
+typedef double pair __attribute__((vector_size(16), aligned(8), may_alias));
+typedef int64_t pair_mask __attribute__((vector_size(16)));
 
 typedef struct member member;
 typedef struct fault fault;
@@ -63,10 +68,17 @@ typedef struct {
 
 extern const kind kind_native, kind_fmi2, kind_fmi3, kind_callback, kind_shared;
 
-/* A floating-point number that goes from one slot to another, and from there to a component's block. */
+/* A floating-point number, or two that follow each other, that goes from one slot to another, and
+ * from there to a component's block. */
 typedef struct {
     uint32_t source, slot, offset;
 } copied;
+
+/* A slot of a copy with bounds that the component's own setter checks. */
+typedef struct {
+    double low, high;
+    uint32_t slot;
+} bounded;
 
 /* Values of one type that follow each other, in slots and in a component's block. */
 typedef struct {
@@ -83,10 +95,10 @@ typedef struct {
     uuv_values at;
     uint32_t *offsets; /* of the inputs that are set, then of the outputs that are read */
     uint32_t first_in, n_in, first_out, n_out;
-    copied *copies;      /* inputs from outputs; a source that is seen early is in `fresh` */
+    copied *pairs, *copies; /* inputs from outputs; a source that is seen early is in `fresh` */
     part *writes, *reads; /* inputs from their slots only, and outputs */
-    uint32_t *bounded;   /* slots of copies with bounds */
-    uint32_t n_copies, n_writes, n_reads, n_bounded;
+    bounded *bounds;
+    uint32_t n_pairs, n_copies, n_writes, n_reads, n_bounds;
 } in_place;
 
 /* How a member is called in a segment: by its kind, in place, or by two FMI functions. */
@@ -171,10 +183,10 @@ struct uuv_core {
     double *most;          /* of each value, the largest residual of its connection */
     uint32_t *coupling_of; /* of each value, its connection */
     span *spans;
-    single *singles;
+    single *twins, *singles; /* two values, and one value each */
     int unmeasured;
-    /* The first spans have factor 1 and offset 0; of these, the last are measured by their singles. */
-    uint32_t n_couplings, n_spans, n_plain, n_long, n_singles;
+    /* The first spans have factor 1 and offset 0; of these, the last are measured by twins and singles. */
+    uint32_t n_couplings, n_spans, n_plain, n_long, n_twins, n_singles;
     uint32_t n_stepping; /* members whose steps have been posted */
     void **instances; /* of the members */
     double *low, *high; /* of an input slot of a component that is written in place: its bounds */

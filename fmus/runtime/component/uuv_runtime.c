@@ -119,6 +119,11 @@ static int integrate(uuv_instance *const *s, uint32_t m, double t, double end) {
     return 1;
 }
 
+/* The sign bit is set if x is not finite: then one more in the exponent's last place carries into it. */
+static inline uuv_bits exponent_carry(V x) {
+    return (uuv_to_bits(x) & ~UUV_SIGN_BIT) + UINT64_C(0x0010000000000000);
+}
+
 /* Ends a step: outputs, and 0 or 1 + the offset of the first value that is not finite. */
 static int32_t finish(uuv_instance *s, double end, int held) {
     const uuv_component *c = s->component;
@@ -128,11 +133,17 @@ static int32_t finish(uuv_instance *s, double end, int held) {
     else
         c->outputs(s->b);
     s->outputs_stale = 0;
-    int bad = 0;
-    for (uint32_t i = c->off_x; i < c->n_block; i++) bad |= !uuv_all_finite(s->b[i]);
-    for (uint32_t i = c->off_x; bad && i < c->n_block; i++)
-        if (!uuv_all_finite(s->b[i])) return (int32_t)(1 + i);
-    return 0;
+    uuv_bits bad = uuv_const_bits(0);
+    for (uint32_t i = c->off_x; i < c->off_y; i++) bad |= exponent_carry(s->b[i]);
+    /* One by one: a load of two outputs would wait until both of their stores have left the queue. */
+#if defined(__clang__)
+#pragma clang loop vectorize(disable) unroll(disable)
+#endif
+    for (uint32_t i = c->off_y; i < c->n_block; i++) bad |= exponent_carry(s->b[i]);
+    if (!uuv_any(bad & UUV_SIGN_BIT)) return 0;
+    uint32_t i = c->off_x;
+    while (uuv_all_finite(s->b[i])) i++;
+    return (int32_t)(1 + i);
 }
 
 /* The next sample of a clock, in seconds; correctly rounded, as the master's own label of time is. */

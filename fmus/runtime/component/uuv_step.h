@@ -44,7 +44,7 @@ static inline __attribute__((always_inline)) void stages(V *const *b, V *const *
             for (uint32_t i = 0; i < N_X; i++) x[i] = x0[j][i] + whole * k3[j][i];
             rhs(b[j], w[j], k4[j]);
             for (uint32_t i = 0; i < N_X; i++)
-                x[i] = x0[j][i] + sixth * (k1[j][i] + two * k2[j][i] + two * k3[j][i] + k4[j][i]);
+                x[i] = uuv_settled(x0[j][i] + sixth * (k1[j][i] + two * k2[j][i] + two * k3[j][i] + k4[j][i]));
         }
     }
 }

@@ -66,9 +66,7 @@ static int refuse(shell *s, const char *format, ...) {
     return REFUSED;
 }
 
-static int in_mode(shell *s, const char *function, unsigned allowed) {
-    if (!s) return 0;
-    if (s->mode & allowed) return 1;
+__attribute__((noinline, cold)) static int wrong_mode(shell *s, const char *function, unsigned allowed) {
     char expected[192] = "";
     size_t used = 0;
     for (unsigned m = INSTANTIATED; m <= CONTINUOUS_TIME_MODE; m <<= 1)
@@ -77,6 +75,10 @@ static int in_mode(shell *s, const char *function, unsigned allowed) {
                                      used ? " or " : "", mode_name(m));
     return refuse(s, "%s is not allowed in state %s; expected %s", function, mode_name(s->mode),
                   expected);
+}
+
+static inline int in_mode(shell *s, const char *function, unsigned allowed) {
+    return s && (s->mode & allowed || wrong_mode(s, function, allowed));
 }
 
 /* ---- life ------------------------------------------------------------------------------ */

@@ -40,8 +40,8 @@ static int shell_exit_initialization(shell *s, const char *function) {
     return result;
 }
 
-/* Gives 1 if a step from t by h can be made now, or refuses. */
-static int can_step(shell *s, const char *function, double t, double h) {
+/* Gives 1 if a step from t by h lies where the instance is, or refuses. */
+__attribute__((noinline, cold)) static int fits(shell *s, const char *function, double t, double h) {
     if (!__builtin_isfinite(t))
         return refuse(s, "%s: currentCommunicationPoint is %g; expected a finite number",
                       function, t);
@@ -56,6 +56,14 @@ static int can_step(shell *s, const char *function, double t, double h) {
     if (t + h > s->stop_time + slack)
         return refuse(s, "%s: the step ends at %.17g; expected not after stopTime %.17g",
                       function, t + h, s->stop_time);
+    return 1;
+}
+
+/* Gives 1 if a step from t by h can be made now, or refuses. */
+static inline int can_step(shell *s, const char *function, double t, double h) {
+    const int plain = __builtin_fabs(t - s->time) <= 1e-9 && h >= 0.0 && t + h <= s->stop_time &&
+                      t + h < UUV_INFINITY; /* nearly always: within the slack of the complete checks */
+    if (!plain && !fits(s, function, t, h)) return 0;
     const char *words = uuv_step_refused(s->block, t, h);
     return !words || refuse(s, "%s: %s", function, words);
 }

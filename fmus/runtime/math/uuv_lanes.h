@@ -124,6 +124,11 @@ static inline V uuv_neg(V x) { return uuv_from_bits(uuv_to_bits(x) ^ UUV_SIGN_BI
 static inline V uuv_copysign(V x, V sign) {
     return uuv_from_bits((uuv_to_bits(x) & ~UUV_SIGN_BIT) | (uuv_to_bits(sign) & UUV_SIGN_BIT));
 }
+/* x, or 0 if x is so small that products of it would be subnormal, which takes processors a hundred
+ * cycles each: a state that decays to 0 arrives there. */
+static inline V uuv_settled(V x) {
+    return uuv_keep(~uuv_mask_lt(uuv_fabs(x), uuv_const(0x1p-960)), x);
+}
 static inline int uuv_all_finite(V x) {
     return !uuv_any(~uuv_mask_lt(uuv_fabs(x), uuv_const(UUV_INFINITY)));
 }
