@@ -37,7 +37,7 @@ def executed(folder: Path, more: str) -> list[Any]:
     )
     folder.mkdir()
     NotebookClient(
-        notebook, timeout=120, kernel_name="python3", resources={"metadata": {"path": str(folder)}}
+        notebook, timeout=None, kernel_name="python3", resources={"metadata": {"path": str(folder)}}
     ).execute()
     return list(notebook.cells[0].outputs)
 

@@ -27,6 +27,7 @@ from __future__ import annotations
 import contextlib
 import json
 import os
+import random
 import re
 import shutil
 import socket
@@ -108,9 +109,12 @@ def assert_shown(expected: str, output: str, place: str) -> None:
 
 
 def free_port() -> str:
-    with socket.socket() as s:
-        s.bind(("127.0.0.1", 0))
-        return str(s.getsockname()[1])
+    """Return a port that is opened minutes later; nobody gets it as any free one meanwhile."""
+    while True:
+        port = random.randrange(20_000, 32_000)  # below those that Linux chooses
+        with socket.socket() as s, contextlib.suppress(OSError):
+            s.bind(("127.0.0.1", port))
+            return str(port)
 
 
 class Reader:

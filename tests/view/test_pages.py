@@ -250,7 +250,7 @@ def test_a_live_page_is_drawn_by_a_thread_of_its_own(server: Any) -> None:
     view.begin(plan, eta)
     rows = np.full((1, 6), 1.5).view(np.uint64)
     view.observe(Chunk(eta, Fraction(1, 10), np.array([3]), rows, []))
-    assert shown.wait(20.0)
+    assert shown.wait(120.0)
     view.end()
     assert view.failure is None
     assert len(view.history) == 1

@@ -4,9 +4,24 @@ from __future__ import annotations
 
 import subprocess
 import sys
+from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
+from typing import TypeVar
 
 import pytest
+
+from uuvsim_cosim.errors import InputInvalid
+
+L = TypeVar("L")
+
+
+def at_free_instance(link: Callable[[int], L]) -> L:
+    """Return a link of an instance whose ports no other test has now."""
+    for instance in range(20, 39):  # `auto` takes lower ones
+        with suppress(InputInvalid):
+            return link(instance)
+    return link(39)
 
 
 def compiled(binary: Path) -> Path:

@@ -13,8 +13,11 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega
 
 import uuvsim_cosim as uuv
+from tests.bridge.autopilots.conftest import at_free_instance
+from tests.bridge.waiting import PATIENCE
 from uuvsim_cosim.bridge.autopilots.ardusub import ArduSub, source, thruster_commands
 from uuvsim_cosim.bridge.autopilots.commands import AutopilotCommands
+from uuvsim_cosim.bridge.autopilots.json_interface import JsonLink
 from uuvsim_cosim.bridge.autopilots.sitl_process import HOME
 from uuvsim_cosim.errors import ComponentFailed, FmuError, InputInvalid
 from uuvsim_cosim.models.actuators.thruster_geometry import (
@@ -33,9 +36,15 @@ FACTORS = np.array([
 DATA = Path(__file__).parent / "recorded_ardusub.npz"
 
 
-def system(fake: Path, options: str = "", warm_up: float = 0.0) -> System:
+SILENCE = 3  # s that the tests of a silent autopilot wait
+
+
+def system(
+    fake: Path, options: str = "", warm_up: float = 0.0, timeout: float = PATIENCE
+) -> System:
     """The smallest vehicle, with the fake autopilot on board."""
-    made = with_autopilot(uuv.load("bluerov2_hold"), "controller", f"ardusub:?timeout=1{options}")
+    link = f"ardusub:?timeout={timeout}{options}"
+    made = with_autopilot(uuv.load("bluerov2_hold"), "controller", link)
     made = with_binary(made.remove("guidance"), str(fake))
     return made.set("controller.eta_d", [0, 0, 5, 0, 0, 0]).set("controller.warm_up", warm_up)
 
@@ -45,7 +54,9 @@ def flown(
     options: str = "",
 ) -> uuv.Signals:  # fmt: skip
     monkeypatch.setenv("FAKE", fault)
-    return run(system(fake, options), until=until, out=out, backend="native").signals()
+    timeout = SILENCE if fault.startswith("silent") else PATIENCE
+    made = system(fake, options, timeout=timeout)
+    return run(made, until=until, out=out, backend="native").signals()
 
 
 def test_a_command_of_each_axis_pushes_this_vehicle_along_that_axis() -> None:
@@ -89,7 +100,7 @@ def test_packets_that_are_wrong_or_repeated_change_no_bit(
 @pytest.mark.parametrize(
     ("fault", "message"),
     [
-        ("silent", r"no answer for 1 s; expected .*\?timeout="),
+        ("silent", rf"no answer for {SILENCE} s; expected .*\?timeout="),
         ("dies", r"ended by signal 6; its last line is 'segmentation fault'"),
         ("restarts", r"it started again .*reset the simulation"),
         ("skips", r"frame 105 after 99; expected frame 100"),
@@ -283,12 +294,18 @@ def test_two_autopilots_have_ports_ten_apart(
 ) -> None:
     monkeypatch.delenv("FAKE", raising=False)
     pair = System("pair", "0.0025")
-    for name, instance in (("a", 6), ("b", 7)):
+    links = at_free_instance(lambda n: [JsonLink(n, 1.0), JsonLink(n + 1, 1.0)])
+    n = (links[0].port - 9002) // 10
+    for link in links:
+        link.close()
+    for name, instance in (("a", n), ("b", n + 1)):
         options = f"&instance={instance}&folder={tmp_path / name}"
         pair = pair.add(name, system(fake, options))
     run(pair, until=0.01, out=tmp_path / "run", backend="native")
     ports = [(tmp_path / name / "output.txt").read_text().splitlines()[1] for name in "ab"]
-    assert ports == ["serial port 5820, physics port 9062", "serial port 5830, physics port 9072"]
+    assert ports == [
+        f"serial port {5760 + 10 * k}, physics port {9002 + 10 * k}" for k in (n, n + 1)
+    ]
 
 
 def test_a_fault_on_one_vehicle_does_not_reach_the_autopilot_of_another(

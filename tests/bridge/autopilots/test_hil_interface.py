@@ -9,12 +9,12 @@ from collections.abc import Iterator
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega
 
+from tests.bridge.autopilots.conftest import at_free_instance
 from tests.bridge.autopilots.fake_px4 import SENSOR, Reader, Writer
+from tests.bridge.waiting import PATIENCE
 from uuvsim_cosim.bridge.autopilots.hil_interface import HilLink
 from uuvsim_cosim.bridge.autopilots.json_interface import AutopilotLost
 from uuvsim_cosim.errors import InputInvalid
-
-INSTANCE = 37  # of these tests alone
 
 
 def alive(wait: float = 0.0) -> None:
@@ -24,8 +24,8 @@ def alive(wait: float = 0.0) -> None:
 @pytest.fixture
 def pair() -> Iterator[tuple[HilLink, socket.socket]]:
     """A link and the connection of its peer."""
-    link = HilLink(INSTANCE, 0.2)
-    with socket.create_connection(("127.0.0.1", 4560 + INSTANCE)) as peer:
+    link = at_free_instance(lambda instance: HilLink(instance, PATIENCE))
+    with socket.create_connection(("127.0.0.1", 4560 + link.instance)) as peer:
         link.accept(alive)
         yield link, peer
     link.close()
@@ -109,30 +109,33 @@ def test_before_the_first_output_nothing_is_waited_for(
     assert link.first(0.001, alive) is None
     assert len(Reader().read(peer.recv(1000))) == 1
     peer.sendall(Writer(1).actuators(1, [0.0] * 16, False, 1))
-    found = link.first(5.0, alive)
+    found = link.first(PATIENCE, alive)
     assert found is not None
 
 
-def test_a_peer_that_reads_nothing_is_named(pair: tuple[HilLink, socket.socket]) -> None:
-    link, _ = pair
-    link._written += bytes(1 << 26)  # more than the buffers between the two
-    with pytest.raises(AutopilotLost, match=r"it has read nothing for 0.2 s"):
-        link.first(0.0, alive)
+def test_a_peer_that_reads_nothing_is_named() -> None:
+    link = at_free_instance(lambda instance: HilLink(instance, 0.2))
+    with socket.create_connection(("127.0.0.1", 4560 + link.instance)):
+        link.accept(alive)
+        link._written += bytes(1 << 26)  # more than the buffers between the two
+        with pytest.raises(AutopilotLost, match=r"it has read nothing for 0.2 s"):
+            link.first(0.0, alive)
+    link.close()
 
 
 def test_a_port_in_use_is_named_with_the_way_to_another(
     pair: tuple[HilLink, socket.socket],
 ) -> None:
-    with pytest.raises(InputInvalid, match=r"TCP port 4597 .* px4:\?instance=38"):
-        HilLink(INSTANCE, 1.0)
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as other:
-        other.bind(("127.0.0.1", 14540 + 38))
-        with pytest.raises(InputInvalid, match=r"UDP port 14578 .* is used by another program"):
-            HilLink(38, 1.0)
+    n = pair[0].instance
+    with pytest.raises(InputInvalid, match=rf"TCP port {4560 + n} .* px4:\?instance={n + 1}"):
+        HilLink(n, 1.0)
+    pair[0]._listener.close()
+    with pytest.raises(InputInvalid, match=rf"UDP port {14540 + n} .* used by another program"):
+        HilLink(n, 1.0)
 
 
 def test_it_listens_to_this_machine_only() -> None:
-    link = HilLink(INSTANCE, 1.0)
+    link = at_free_instance(lambda instance: HilLink(instance, 1.0))
     assert link._listener.getsockname()[0] == link.onboard.getsockname()[0] == "127.0.0.1"
     link.close()
 

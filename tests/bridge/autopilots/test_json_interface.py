@@ -10,6 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from tests.bridge.autopilots.conftest import at_free_instance
 from uuvsim_cosim.bridge.autopilots.json_interface import (
     JsonLink,
     read_servo_packet,
@@ -65,9 +66,10 @@ def test_a_state_that_is_not_finite_is_not_sent(bad: float) -> None:
 
 
 def test_a_port_that_another_program_has_is_named_with_the_next_instance() -> None:
-    link = JsonLink(7, 1.0)
+    link = at_free_instance(lambda instance: JsonLink(instance, 1.0))
+    n = (link.port - 9002) // 10
     try:
-        with pytest.raises(InputInvalid, match=r"UDP port 9072 .*instance=8"):
-            JsonLink(7, 1.0)
+        with pytest.raises(InputInvalid, match=rf"UDP port {link.port} .*instance={n + 1}"):
+            JsonLink(n, 1.0)
     finally:
         link.close()

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 import uuvsim_cosim as uuv
+from tests.bridge.waiting import PATIENCE
 from uuvsim_cosim.bridge.autopilots.px4 import source, thruster_commands
 from uuvsim_cosim.errors import ComponentFailed, FmuError, InputInvalid
 from uuvsim_cosim.models.actuators.thruster_geometry import (
@@ -33,9 +34,16 @@ FIELD = np.array([0.18580, 0.04954, 0.48860])  # G
 RHO, G, P_ATM = 1025.0, 9.80665, 101325.0
 
 
-def system(px4: Path, options: str = "", warm_up: float = 0.0, noise: bool = False) -> System:
+SILENCE = 3  # s that the tests of a silent PX4 wait
+
+
+def system(
+    px4: Path, options: str = "", warm_up: float = 0.0, noise: bool = False,
+    timeout: float = PATIENCE,
+) -> System:  # fmt: skip
     """The smallest vehicle, with the PX4 end on board."""
-    made = with_autopilot(uuv.load("bluerov2_hold"), "controller", f"px4:?timeout=3{options}")
+    link = f"px4:?timeout={timeout}{options}"
+    made = with_autopilot(uuv.load("bluerov2_hold"), "controller", link)
     made = with_binary(made.remove("guidance"), str(px4), "px4")
     made = made.set("controller.eta_d", [0, 0, 5, 0, 0, 0]).set("controller.warm_up", warm_up)
     return made if noise else made.set("controller.noise", [0.0] * 4)
@@ -46,8 +54,9 @@ def flown(
     options: str = "", warm_up: float = 0.0, noise: bool = False, scenario: Path | None = None,
 ) -> uuv.Signals:  # fmt: skip
     monkeypatch.setenv("FAKE", fault)
-    return run(system(px4, options, warm_up, noise), until=until, out=out, backend="native",
-               scenario=scenario).signals()  # fmt: skip
+    is_silent = fault.startswith(("silent", "wrong", "never_connects"))
+    made = system(px4, options, warm_up, noise, SILENCE if is_silent else PATIENCE)
+    return run(made, until=until, out=out, backend="native", scenario=scenario).signals()
 
 
 def received(folder: Path, name: str, api: bool = False) -> list[dict[str, Any]]:
@@ -126,8 +135,8 @@ def test_the_same_controls_give_the_same_bits_of_the_plant(
 @pytest.mark.parametrize(
     ("fault", "message"),
     [
-        ("silent", r"time \d+ µs: no answer for 3 s; expected .*\?timeout="),
-        ("wrong", r"no answer for 3 s"),
+        ("silent", rf"time \d+ µs: no answer for {SILENCE} s; expected .*\?timeout="),
+        ("wrong", rf"no answer for {SILENCE} s"),
         ("dies", r"ended by signal 6; its last line is 'ERROR \[px4\] segmentation fault'"),
         ("disconnects", r"it closed its connection; expected one connection until the end"),
         ("reconnects", r"it closed its connection and connected again"),
@@ -154,7 +163,7 @@ def test_a_lost_autopilot_is_named_and_the_recording_is_complete(
     ("fault", "message"),
     [
         ("ends", r"ended with status 1; its last line is .*already running for instance 0"),
-        ("never_connects", r"before its first output: did not connect for 3 s"),
+        ("never_connects", rf"before its first output: did not connect for {SILENCE} s"),
         ("never_answers", r"PX4: no actuator output for 0.2 s; expected .*\?boot="),
     ],
 )
@@ -229,7 +238,7 @@ def test_readings_of_dvl_and_usbl_become_one_odometry_each(
     folder = tmp_path / "folder"
     monkeypatch.setenv("FAKE", "")
     made = with_binary(uuv.load("bluerov2_px4"), str(px4), "px4")
-    made = made.replace("controller", f"px4:?timeout=3&binary={px4}&folder={folder}")
+    made = made.replace("controller", f"px4:?timeout={PATIENCE}&binary={px4}&folder={folder}")
     signals = run(made.set("controller.warm_up", 0.0), until=3.0, out=tmp_path / "run",
                   backend="native").signals()  # fmt: skip
     seen = received(folder, "ODOMETRY")

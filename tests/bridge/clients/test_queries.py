@@ -104,6 +104,8 @@ with uuv.connect(port=int(sys.argv[1])) as client:
 @pytest.mark.skipif(not Path("/proc/self/statm").exists(), reason="no /proc: memory is not known")
 def test_a_call_leaves_no_memory_behind(bridge: Bridge) -> None:
     done = subprocess.run(
-        [sys.executable, "-c", _CALLS, str(bridge.port)], capture_output=True, text=True, check=True
-    )
+        [sys.executable, "-c", _CALLS, str(bridge.port)],
+        capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
     assert float(done.stdout) < 250.0  # bytes; 1,100 where a session is not renewed

@@ -10,6 +10,7 @@ from typing import Any
 
 import pytest
 
+from tests.bridge.waiting import PATIENCE
 from uuvsim_cosim.bridge.calls.service import Client
 from uuvsim_cosim.bridge.http.keyboard import with_keyboards
 from uuvsim_cosim.bridge.mavlink.server import MavlinkServer
@@ -21,7 +22,6 @@ from uuvsim_cosim.orchestrator.system.system import System
 mavutil = pytest.importorskip("pymavlink.mavutil")
 mav = pytest.importorskip("pymavlink.dialects.v20.ardupilotmega")
 ME = Client("test", "local")
-LIMIT = 30.0  # [s] after which an answer counts as missing
 
 
 class Ground:
@@ -37,7 +37,7 @@ class Ground:
         self.link.mav.heartbeat_send(6, 8, 0, 0, 4)
 
     def wait(self, kind: str, good: Callable[[Any], bool] = lambda m: True) -> Any:
-        end = time.monotonic() + LIMIT
+        end = time.monotonic() + PATIENCE
         while time.monotonic() < end:
             message = self.link.recv_match(type=kind, blocking=True, timeout=1.0)
             if message is not None and good(message):
@@ -63,7 +63,7 @@ class Ground:
         self.link.mav.mission_count_send(1, 1, len(items), 0)
         while True:
             m = self.wait("MISSION_ACK") if not items else self.link.recv_match(
-                type=["MISSION_REQUEST_INT", "MISSION_ACK"], blocking=True, timeout=LIMIT
+                type=["MISSION_REQUEST_INT", "MISSION_ACK"], blocking=True, timeout=PATIENCE
             )  # fmt: skip
             assert m is not None
             if m.get_type() == "MISSION_ACK":

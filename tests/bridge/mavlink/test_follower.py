@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from tests.bridge.waiting import PATIENCE
 from uuvsim_cosim.bridge.calls.service import Client
 from uuvsim_cosim.bridge.mavlink import follower
 from uuvsim_cosim.bridge.mavlink.codec import KEY, Codec
@@ -38,6 +39,7 @@ def test_shadow_has_the_state_of_the_vehicle_and_notes_a_lost_link() -> None:
         server = MavlinkServer(vehicle, "tcpin:127.0.0.1:0")
         port = server.ends[0].link.port
         system = load("bluerov2_hold").replace("hull", f"mavlink:tcp:127.0.0.1:{port}")
+        system = system.set("hull.timeout", PATIENCE)
         with Conductor(system) as shadow:
             names = ["hull.eta", "hull.nu", "hull.nu_r", "hull.link"]
             _, seen = shadow.step(ME, 1, outputs=names)
@@ -64,7 +66,7 @@ def _after_a_state(*, arm_real: bool, key: Path | None) -> bytes:
     follower.allow(arm_real=arm_real, unsigned=arm_real and key is None)
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as vehicle:
         vehicle.bind(("127.0.0.1", 0))
-        vehicle.settimeout(1.0)
+        vehicle.settimeout(PATIENCE)
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as free:
             free.bind(("127.0.0.1", 0))
             to = ("127.0.0.1", free.getsockname()[1])
@@ -91,6 +93,7 @@ def _after_a_state(*, arm_real: bool, key: Path | None) -> bytes:
         component = kind()
         for name, (value, _) in follower.Followed.parameters.items():
             setattr(component, name, value)
+        component.timeout = PATIENCE
         made = component.step(0.0, 0.01, {"tau": [85.0, 0, 0, 0, 0, 0], "v_c": [0, 0, 0]})
         assert made["eta"] == [1, 2, 3, 0, 0, 1]
         try:
@@ -154,7 +157,7 @@ def test_accelerations_are_those_of_the_vehicles_imu(kind: str) -> None:
         imu,
     ):
         receiver._take(_from(vehicle, message))
-    assert receiver.accelerations(1.0) == pytest.approx(nu_dot, abs=0.006)
+    assert receiver.accelerations(PATIENCE) == pytest.approx(nu_dot, abs=0.006)
     assert receiver.accelerations(0.0) is None  # they are too old
     receiver.close()
 

@@ -16,7 +16,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tests.bridge.mavlink.ground import LIMIT, ME, piloted
+from tests.bridge.mavlink.ground import ME, piloted
+from tests.bridge.waiting import PATIENCE
 from uuvsim_cosim.bridge.mavlink.server import MavlinkServer
 from uuvsim_cosim.bridge.mavlink.vehicle import ORIGIN, global_of
 from uuvsim_cosim.bridge.server.conductor import Conductor
@@ -34,7 +35,7 @@ class Station:
         self.conductor, self.services = conductor, server.ends[0].services
         port = server.ends[0].link.port
         assert sdk.add_any_connection(f"tcpout://127.0.0.1:{port}") == 0
-        self.system = sdk.first_autopilot(LIMIT)
+        self.system = sdk.first_autopilot(PATIENCE)
         assert self.system is not None
         self.telemetry = self.plugin("telemetry", "Telemetry")
 
@@ -47,7 +48,7 @@ class Station:
         subscribe = getattr(self.telemetry, f"subscribe_{stream}")
         handle = subscribe(lambda value, user: values.put(value))
         try:
-            while not good(value := values.get(timeout=LIMIT)):
+            while not good(value := values.get(timeout=PATIENCE)):
                 pass
         finally:
             getattr(self.telemetry, f"unsubscribe_{stream}")(handle)
@@ -150,7 +151,7 @@ def test_a_mission_is_started_and_flown_and_its_log_is_downloaded(
     path = tmp_path / "1.BIN"
     results: SimpleQueue[Any] = SimpleQueue()
     logs.download_log_file_async(entry, str(path), lambda result, data, user: results.put(result))
-    while (result := results.get(timeout=LIMIT)).name == "NEXT":
+    while (result := results.get(timeout=PATIENCE)).name == "NEXT":
         pass
     assert result.name == "SUCCESS"
     assert path.read_bytes() == bytes(station.services.logs[0].data)

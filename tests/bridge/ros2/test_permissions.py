@@ -34,7 +34,6 @@ from uuvsim_cosim.bridge.ros2.node import Ros2Node
 from uuvsim_cosim.bridge.ros2.permissions import guarded_node
 from uuvsim_cosim.bridge.ros2.services import NEEDED
 from uuvsim_cosim.bridge.server.conductor import Conductor
-from uuvsim_cosim.bridge.zenoh.bridge import free_port
 from uuvsim_cosim.errors import InputInvalid
 
 ME = Client("me", "local")
@@ -90,10 +89,9 @@ class Opened:
 
 @pytest.fixture(scope="module")
 def opened(pki: Path) -> Iterator[Opened]:
-    port = free_port("127.0.0.1")
     with (
         Conductor(uuv.load(NODE).remove("guidance")) as conductor,
-        Ros2Node(conductor, port=port, domain=0, access=read_access(pki / "access.yaml")) as node,
+        Ros2Node(conductor, port=0, domain=0, access=read_access(pki / "access.yaml")) as node,
     ):
         yield Opened(conductor, node, pki)
 

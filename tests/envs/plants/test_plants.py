@@ -153,7 +153,7 @@ def test_workers_end_when_the_parent_is_killed(tmp_path: Path) -> None:
 
     for handle in waits:
         if handle is not None:
-            assert select.select([handle], [], [], 20)[0], "the worker goes on"
+            assert select.select([handle], [], [], 120)[0], "the worker goes on"
             os.close(handle)
 
 
