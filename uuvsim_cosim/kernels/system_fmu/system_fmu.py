@@ -57,9 +57,7 @@ def build_system_fmu(
     default; other inputs keep their start values. Raises SystemInvalid with every component that
     is no declaration, InputInvalid for a pattern without a match, ToolchainError.
     """
-    parts = system_parts(
-        system, naming=naming, signals=signals, inputs=inputs, stop_time=stop_time
-    )
+    parts = system_parts(system, naming=naming, signals=signals, inputs=inputs, stop_time=stop_time)
     return compiled(
         WholeFmu(
             parts.whole,

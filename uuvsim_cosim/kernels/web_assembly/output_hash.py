@@ -25,7 +25,7 @@ def output_hash(rows: NDArray[np.float64], whole: Sequence[bool]) -> str:
 
     >>> import numpy as np
     >>> output_hash(np.array([[0.0, 1.0], [0.5, 1.0]]), [False, True])
-    '0'
+    '69fcf8bb2cfeedd9'
     """
     points = np.array(rows, float)
     points[:, np.asarray(whole, bool)] += 0.0  # no -0 among whole numbers
@@ -40,6 +40,5 @@ def output_hash(rows: NDArray[np.float64], whole: Sequence[bool]) -> str:
 
 
 def _mixed(words: NDArray[np.uint64]) -> NDArray[np.uint64]:
-    w = words ^ words >> np.uint64(32)
-    w = w * _MIX
+    w: NDArray[np.uint64] = (words ^ words >> np.uint64(32)) * _MIX
     return w ^ w >> np.uint64(29)
