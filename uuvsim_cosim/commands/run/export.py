@@ -1,4 +1,4 @@
-"""`uuvsim export`: a recording as CSV, MATLAB, MCAP (Foxglove, rosbag2) or Rerun."""
+"""`uuvsim export`: a recording as CSV, MATLAB, MCAP or Rerun; a system as a page that runs."""
 
 from __future__ import annotations
 
@@ -17,12 +17,22 @@ from uuvsim_cosim.models.declaration.modeline import keep_schemas
 __all__ = ["export_command"]
 
 KINDS = (".csv", ".mat", ".mcap", ".rrd")
+PAGES = (".html", ".htm")
 
 
 def export_command(
-    run: Annotated[Path, typer.Argument(help="Folder that `uuvsim run` wrote, or a recording.")],
+    run: Annotated[
+        Path,
+        typer.Argument(
+            help="Folder that `uuvsim run` wrote, or a recording; for .html, a system by name, "
+            ".ssd or .ssp."
+        ),
+    ],
     out: Annotated[
-        Path, typer.Option("--out", "-o", help="File to write: .csv, .mat, .mcap or .rrd (Rerun).")
+        Path,
+        typer.Option(
+            "--out", "-o", help="File to write: .csv, .mat, .mcap, .rrd (Rerun) or .html (a page)."
+        ),
     ],
     scene: Annotated[
         bool, typer.Option("--scene", help="With .mcap: write the 3-D scene as well, for Foxglove.")
@@ -51,7 +61,10 @@ def export_command(
         ),
     ] = None,
 ) -> None:
-    """Convert a recording for other tools; the ending of the file name selects the format."""
+    """Convert a recording for other tools, or write a system as a page that runs in a browser.
+
+    The ending of the file name selects the format.
+    """
     kind = out.suffix.lower()
     if ros2:
         _export_bag(run, out, topics, distribution, origin, scene=scene)
@@ -59,8 +72,13 @@ def export_command(
     for option, given in {"--topics": topics, "--origin": origin}.items():
         if given is not None:
             raise InputInvalid(f"{option} {given}", "--ros2 beside it")
+    if kind in PAGES:
+        _export_page(str(run), out, scene=scene)
+        return
     if kind not in KINDS:
-        raise InputInvalid(out, f"ending {out.suffix!r} was read", ", ".join(KINDS))
+        raise InputInvalid(
+            out, f"ending {out.suffix!r} was read", f"{', '.join(KINDS)}, or .html of a system"
+        )
     if scene and kind != ".mcap":
         raise InputInvalid(f"--scene and {out}: expected a file .mcap; .rrd has the scene anyway")
     with StudyProgress("rows" if kind in (".csv", ".mcap") else "signals") as progress:
@@ -77,6 +95,15 @@ def export_command(
 
             export(run, out, progress)
     file_line(out)
+
+
+def _export_page(system: str, out: Path, *, scene: bool) -> None:
+    from uuvsim_cosim.orchestrator.running.library import load
+    from uuvsim_cosim.view.live_page.live_page import write_live_page
+
+    if scene:
+        raise InputInvalid(f"--scene and {out}", "a file .mcap; a page has the scene anyway")
+    file_line(write_live_page(load(system), out))
 
 
 def _export_bag(

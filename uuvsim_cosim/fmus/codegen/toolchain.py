@@ -28,6 +28,7 @@ __all__ = [
     "Platform",
     "Signatures",
     "compile_shared",
+    "compile_web_assembly",
     "compiler",
     "component_flags",
     "fmi_headers",
@@ -38,6 +39,7 @@ __all__ = [
     "platform_named",
     "refuse_to_compile",
     "windows_files",
+    "zig_compiler",
 ]
 
 log = logging.getLogger("uuvsim_cosim.toolchain")
@@ -125,6 +127,11 @@ def compiler() -> tuple[list[str], str]:
         if shutil.which(command[0]) is None:
             raise ToolchainError(f"CC={override!r}", "no such program", _EXPECTED)
         return command, f"{override} {_version(tuple(command))}"
+    return zig_compiler()
+
+
+def zig_compiler() -> tuple[list[str], str]:
+    """Return the command line of zig's C compiler, and a text that identifies it for the cache."""
     try:
         identity = f"zig {_zig()}"
     except ModuleNotFoundError:
@@ -236,6 +243,31 @@ def compile_shared(
         )
     keep(library, data)
     return library
+
+
+def compile_web_assembly(sources: Sequence[Path], *, name: str, include: Sequence[Path]) -> Path:
+    """Compile C files into one WebAssembly module in the cache; return its path.
+
+    It imports nothing. Only zig compiles it, whatever ``CC`` is. Raises ToolchainError.
+    """
+    command, identity = zig_compiler()
+    arguments = ["-target", "wasm32-wasi", *FLAGS, "-mexec-model=reactor", "-s"]
+    headers = [h for folder in include for h in sorted(folder.glob("*.h"))]
+    key = content_hash(
+        [name, identity, *arguments, *(f.name for f in sources)]
+        + [f.read_bytes() for f in [*sources, *headers]]
+    )
+    module = cache_dir("compiled", key) / f"{name}.wasm"
+    if intact(module):
+        return module
+    refuse_to_compile(name, sum(f.stat().st_size for f in sources))
+    log.info("compiling %s for WebAssembly", name)
+    with tempfile.TemporaryDirectory(dir=module.parent) as scratch:
+        fresh = Path(scratch) / module.name
+        includes = [f"-I{folder}" for folder in include]
+        _run([*command, *arguments, *includes, *map(str, sources), "-o", str(fresh)])
+        keep(module, fresh.read_bytes())
+    return module
 
 
 def refuse_to_compile(name: str, size: int) -> None:

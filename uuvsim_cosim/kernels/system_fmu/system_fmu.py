@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -32,7 +33,7 @@ from uuvsim_cosim.kernels.system_fmu.variables import (
 from uuvsim_cosim.orchestrator.plan.flatten import flatten
 from uuvsim_cosim.orchestrator.system.system import System
 
-__all__ = ["build_system_fmu", "system_text"]
+__all__ = ["SystemParts", "build_system_fmu", "system_parts", "system_text"]
 
 _PAGE = """This FMU contains a whole system of components. It makes whole communication steps of its
 own, so the importer's step must be a whole multiple of them. Each step gives the same bits as the
@@ -56,6 +57,40 @@ def build_system_fmu(
     default; other inputs keep their start values. Raises SystemInvalid with every component that
     is no declaration, InputInvalid for a pattern without a match, ToolchainError.
     """
+    parts = system_parts(system, naming=naming, signals=signals, inputs=inputs, stop_time=stop_time)
+    return compiled(
+        WholeFmu(
+            parts.whole,
+            parts.texts,
+            (content("fmus", "whole"), content("fmus", "kernels"), *runtime()),
+            " ".join(_PAGE.split()),
+        ),
+        fmi=fmi,
+        platforms=platforms,
+        target=target,
+    )
+
+
+@dataclass(frozen=True)
+class SystemParts:
+    """A system of declarations as one component: variables by their place, and its C files."""
+
+    fused: Fused
+    variables: tuple[Exposed, ...]
+    seed: int  # place of the system's seed in the block
+    whole: Whole
+    texts: Mapping[str, str]  # by file; the first one has the driver and the block
+
+
+def system_parts(
+    system: System,
+    *,
+    signals: Sequence[str] = (),
+    inputs: Sequence[str] = (),
+    naming: Naming = "flat",
+    stop_time: float = 10.0,
+) -> SystemParts:
+    """Write the C of a system as one component; arguments and errors of `build_system_fmu`."""
     fused = fused_of(flatten(system))
     plan = fused.plan
     variables = placed(exposed(plan, naming=naming, signals=signals, inputs=inputs), 1)
@@ -87,16 +122,8 @@ def build_system_fmu(
         identifier, description, token, plan.tick, stop_time, states=True, needs_tool=False
     )
     main = "\n".join([driver, '#include "uuv_component.h"', component_table(whole), body])
-    return compiled(
-        WholeFmu(
-            whole,
-            {f"{identifier}.c": main, **texts},
-            (content("fmus", "whole"), content("fmus", "kernels"), *runtime()),
-            " ".join(_PAGE.split()),
-        ),
-        fmi=fmi,
-        platforms=platforms,
-        target=target,
+    return SystemParts(
+        fused, tuple(every), seed.value_references[0], whole, {f"{identifier}.c": main, **texts}
     )
 
 

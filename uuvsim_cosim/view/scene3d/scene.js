@@ -7,7 +7,8 @@
   const gl = canvas.getContext("webgl2", { antialias: true, alpha: false });
   if (!gl) {
     card.querySelector(".viewport").textContent = "This browser shows no 3-D scene: it has no WebGL 2, or it is switched off.";
-    card.querySelector(".controls").style.display = "none";
+    const controls = card.querySelector(".controls");
+    if (controls) controls.style.display = "none";
     return;
   }
   const data = JSON.parse(document.getElementById("scene-data").textContent);
@@ -49,7 +50,9 @@
     return { ...line(gl, lin, corners, points, true), points, mark: l.mark && new Path2D(l.mark), every: l.every, css: l.colour, colour: rgb(l.colour), width: l.width };
   });
   const bodies = data.bodies.map(b => {
-    const p = floats(b.p), arrows = b.arrows && { r: b.arrows.r, e: b.arrows.e, v: shorts(b.arrows.v), scale: b.arrows.scale };
+    const p = floats(b.p), arrows = b.arrows && {
+      r: b.arrows.r, e: b.arrows.e, v: data.live ? new Float32Array(b.arrows.r.length) : shorts(b.arrows.v), scale: data.live ? 32767 : b.arrows.scale,
+    };
     const points = arrows && new Float32Array(18 * arrows.r.length);
     const corner = floats(b.v), far = k => Math.hypot(corner[k], corner[k + 1], corner[k + 2]);
     let radius = 0;
@@ -58,6 +61,11 @@
       drawn: points && line(gl, lin, corners, points, false) };
   });
 
+  // Tracks of a live scene grow: each has room for POINTS points, and keeps every second when it is full.
+  const POINTS = 6000, tracks = !data.live ? [] : bodies.map(b => {
+    const points = new Float32Array(3 * POINTS);
+    return { ...line(gl, lin, corners, points, true), count: 0, points, n: 0, every: 1, seen: 0, colour: b.colour };
+  });
   const [low, high] = data.extent, middle = low.map((v, i) => (v + high[i]) / 2);
   const reach = Math.hypot(...sub(high, low)) || 1;
   const spacing = nice(Math.max(high[0] - low[0], high[1] - low[1]), 5);
@@ -125,6 +133,13 @@
     for (const s of solids) if (s.alpha === 1) fill(s, still(), s.colour, 1);
     for (const l of isolines) stroke(l, still(), [0.08, 0.16, 0.26], 0.9, 1);
     for (const l of lines) stroke(l, still(), l.colour, l.width, 1);
+    for (const l of tracks) {
+      if (l.fresh) {
+        gl.bindBuffer(gl.ARRAY_BUFFER, l.buffer); gl.bufferSubData(gl.ARRAY_BUFFER, 0, l.points.subarray(0, 3 * l.n));
+        l.count = l.n - 1; l.fresh = false;
+      }
+      if (l.count > 0) stroke(l, still(), l.colour, 1.6, 1);
+    }
     const css = getComputedStyle(card), muted = css.getPropertyValue("--muted").trim();
     stroke(frame, still(), rgb(muted), 1, 1);
     for (const b of bodies) {
@@ -149,7 +164,7 @@
     for (const s of solids) if (s.alpha < 1) fill(s, still(), s.colour, s.alpha);
     gl.disable(gl.BLEND); gl.disable(gl.CULL_FACE); gl.depthMask(true); gl.bindVertexArray(null);
     label(view, box, ratio, opening, css, moment);
-    slider.value = t; clock.textContent = "t = " + t.toFixed(1) + " s";
+    if (slider) { slider.value = t; clock.textContent = "t = " + t.toFixed(1) + " s"; }
   }
   // Texts and marks over the scene: ticks of the axes, depths of contours, marks of lines, a scale.
   function label(view, box, ratio, opening, css, moment) {
@@ -208,13 +223,15 @@
     again();
     if (playing) requestAnimationFrame(step);
   }
-  go.onclick = () => {
+  if (go) go.onclick = () => {
     if (playing) { stop(); return; }
     if (t >= time[n - 1]) t = time[0];
     go.textContent = "pause"; playing = performance.now(); requestAnimationFrame(step);
   };
-  slider.min = time[0]; slider.max = time[n - 1]; slider.step = (time[n - 1] - time[0]) / 2000 || 1;
-  slider.oninput = () => { stop(); t = +slider.value; again(); };
+  if (slider) {
+    slider.min = time[0]; slider.max = time[n - 1]; slider.step = (time[n - 1] - time[0]) / 2000 || 1;
+    slider.oninput = () => { stop(); t = +slider.value; again(); };
+  }
   whom.onchange = () => {
     follow = whom.checked;
     if (follow && bodies.length) camera.away = 7 * bodies[0].size;
@@ -245,12 +262,30 @@
   canvas.onkeydown = e => {
     const keys = { ArrowLeft: [-0.1, 0], ArrowRight: [0.1, 0], ArrowUp: [0, 0.1], ArrowDown: [0, -0.1] }[e.key];
     if (keys) { camera.turn += keys[0]; camera.lift = Math.min(1.56, Math.max(-1.2, camera.lift + keys[1])); again(); }
-    else if (e.key === "+") zoom(0.9); else if (e.key === "-") zoom(1.1); else if (e.key === " ") go.click(); else return;
+    else if (e.key === "+") zoom(0.9); else if (e.key === "-") zoom(1.1); else if (e.key === " " && go) go.click(); else return;
     e.preventDefault();
   };
   window.addEventListener("resize", again);
   matchMedia("(prefers-color-scheme: dark)").addEventListener("change", again);
   new MutationObserver(again).observe(document.documentElement, { attributes: true });
-  window.uuvsimScene = { camera, zoom, at: s => { if (!playing) { t = s; again(); } } };
+  // Of a live scene: the pose of a body, p in n [m] and q, and the lengths of its arrows [m].
+  function move(number, p, q, lengths) {
+    const body = bodies[number], track = tracks[number];
+    p.forEach((v, i) => { body.p[i] = v - origin[i]; });
+    if (q && body.q) q.forEach((v, i) => { body.q[i] = Math.round(32767 * v); });
+    if (lengths && body.arrows) lengths.forEach((v, i) => { body.arrows.v[i] = v; });
+    if (track.seen++ % track.every === 0) {
+      if (track.n === POINTS) {
+        for (let k = 0; k < POINTS / 2; k++) track.points.copyWithin(3 * k, 6 * k, 6 * k + 3);
+        track.n = POINTS / 2; track.every *= 2;
+      }
+      track.points.set(body.p, 3 * track.n++);
+      track.fresh = true;
+    }
+    again();
+  }
+  const clear = () => { for (const l of tracks) { l.n = l.count = l.seen = 0; l.every = 1; } again(); };
+  window.uuvsimScene = { camera, zoom, move, clear, at: s => { if (!playing) { t = s; again(); } } };
+  if (data.live) { whom.checked = true; whom.onchange(); }
   draw();
 })();

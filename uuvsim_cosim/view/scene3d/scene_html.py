@@ -31,7 +31,7 @@ from uuvsim_cosim.view.scene3d.motion import Motion, extent
 from uuvsim_cosim.view.scene3d.scene import Mesh, Scene3D, Solid
 from uuvsim_cosim.view.scene3d.shapes import cropped, floor, lathe, surface
 
-__all__ = ["MOMENTS", "scene_data", "scene_html"]
+__all__ = ["MOMENTS", "scene_card", "scene_data", "scene_html"]
 
 MOMENTS = 900  # of the motion; between two the page interpolates
 NODES = 128  # of the terrain, a side
@@ -44,8 +44,14 @@ def scene_html(scene3d: Scene3D, motion: Motion) -> str:
     """Return the card with the scene, its data and its script; empty if nothing moves."""
     if not motion.positions or len(motion.time) < 2:
         return ""
-    content = scene_data(scene3d, motion)
-    data = json.dumps(content, separators=(",", ":"), allow_nan=False)
+    return scene_card(scene3d, motion, scene_data(scene3d, motion))
+
+
+def scene_card(
+    scene3d: Scene3D, motion: Motion, content: dict[str, Any], *, live: bool = False
+) -> str:
+    """Return the card of a scene with this data; a `live` one has no controls of its time."""
+    data = json.dumps(content | {"live": live}, separators=(",", ":"), allow_nan=False)
     data = data.replace("<", "\\u003c")  # a name with "</script>" must not end the element
     script = _own("scene.js").replace("/*MATH*/", _own("scene_math.js"))
     script = script.replace("/*GL*/", _own("scene_gl.js"))
@@ -56,14 +62,17 @@ def scene_html(scene3d: Scene3D, motion: Motion) -> str:
     first = scene3d.bodies[0].name if scene3d.bodies else ""
     legend = _legend(scene3d, motion, content["terrain"])
     notes = "".join(f"<small>{escape(note)}</small>" for note in scene3d.notes)
+    replay = (
+        '<button class="go" type="button">play</button>'
+        '<input type="range" aria-label="time"><span class="clock"></span>'
+        f'<select aria-label="speed">{speeds}</select>'
+    )
     return (
         '<div class="card" id="scene"><h3>Scene<span class="keys">drag to turn, shift-drag to '
         "move, click and wheel to zoom</span></h3>"
         '<div class="viewport"><canvas tabindex="0" aria-label="Scene of the run"></canvas>'
         f'<canvas class="overlay"></canvas></div><p class="keys">{legend}</p>'
-        '<p class="controls"><button class="go" type="button">play</button>'
-        '<input type="range" aria-label="time"><span class="clock"></span>'
-        f'<select aria-label="speed">{speeds}</select>'
+        f'<p class="controls">{"" if live else replay}'
         f'<label><input class="follow" type="checkbox"> follow {escape(first)}</label></p>{notes}'
         f'<script id="scene-data" type="application/json">{data}'
         f"</script>\n<script>{script}</script></div>"

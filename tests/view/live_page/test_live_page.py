@@ -1,0 +1,107 @@
+"""The page of a system computes the master's bits in a browser, and its controls set the system."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+import uuvsim_cosim as uuv
+from tests.conftest import Uuvsim
+from tests.kernels.web_assembly.test_module import mastered
+from tests.view.browser import found_in_page
+from uuvsim_cosim.kernels.web_assembly.output_hash import output_hash
+from uuvsim_cosim.view.live_page.live_page import live_page_html
+
+STEPS = 300
+
+
+@pytest.fixture(scope="module")
+def page() -> str:
+    return live_page_html(uuv.load("bluerov2_hold"))
+
+
+def in_page(folder: Path, page: str, script: str, anchor: str = "") -> object:
+    """Run a script in the page once its system has started."""
+    ready = "while(!window.uuvsimPage)await wait();const page=window.uuvsimPage;"
+    return found_in_page(folder, page, ready + script, anchor=anchor)
+
+
+def test_a_browser_shows_the_hash_of_the_native_components(page: str, tmp_path: Path) -> None:
+    rows, whole = mastered(uuv.load("bluerov2_hold"), STEPS)
+    script = (
+        f"page.advance({STEPS});"
+        "return [document.getElementById('hash').textContent, page.system.outputs()]"
+    )
+    found = in_page(tmp_path, page, script)
+    assert found == [output_hash(rows, whole), rows[-1].tolist()]
+
+
+def test_a_parameter_s_slider_sets_the_system_and_a_wrong_number_is_refused(
+    page: str, tmp_path: Path
+) -> None:
+    script = """
+    const field = document.querySelector("input[type=number][aria-label^='controller.Kp Kp[1]']");
+    const unit = field.nextSibling.textContent, found = [];
+    for (const text of ["60", "-1", ""]) {
+      field.value = text; field.onchange();
+      const notice = document.getElementById("notice").textContent;
+      found.push(page.system.get("controller.Kp")[0], notice);
+    }
+    return [...found, unit];
+    """
+    assert in_page(tmp_path, page, script) == [
+        60, "",
+        60, "controller.Kp[1] is at least 0.",
+        60, "controller.Kp[1] needs a number.",
+        "N/m",
+    ]  # fmt: skip
+
+
+def test_a_page_runs_pauses_and_begins_again(page: str, tmp_path: Path) -> None:
+    script = """
+    const button = document.getElementById("run"), system = page.system, first = system.hash;
+    button.click();
+    while (system.steps < 30) await wait();
+    const text = button.textContent;
+    button.click();
+    const paused = system.steps;
+    await wait(); await wait();
+    const still = system.steps === paused;
+    document.getElementById("restart").click();
+    return [text, button.textContent, still, system.steps, system.hash === first];
+    """
+    assert in_page(tmp_path, page, script) == ["pause", "run", True, 0, True]
+
+
+def test_a_browser_without_web_assembly_is_told_so(page: str, tmp_path: Path) -> None:
+    without = page.replace("<head>", "<head><script>delete window.WebAssembly</script>")
+    script = (
+        "const notice=document.getElementById('notice');while(!notice.textContent)await wait();"
+        "return [notice.textContent, document.getElementById('run').disabled]"
+    )
+    text, disabled = found_in_page(tmp_path, without, script)
+    assert text.startswith("This browser has no WebAssembly, or it is switched off")
+    assert disabled
+
+
+def test_a_page_is_small_and_needs_no_network(page: str) -> None:
+    assert len(page) < 400_000
+    survey = live_page_html(uuv.load("bluerov2_survey"))
+    assert len(survey) < 600_000
+    for forbidden in ("http://", "https://", "url(", "@import", "fetch(", "XMLHttpRequest"):
+        assert forbidden not in page
+
+
+def test_the_command_writes_a_page_and_refuses_other_components_by_name(
+    uuvsim: Uuvsim, tmp_path: Path
+) -> None:
+    out = tmp_path / "page.html"
+    status, text, _ = uuvsim("export", "bluerov2_hold", "-o", str(out))
+    assert status == 0
+    assert "page.html" in text
+    assert out.read_text("utf-8").startswith("<!doctype html>")
+    status, _, error = uuvsim("export", "bluerov2_px4", "-o", str(tmp_path / "no.html"))
+    assert status == 2
+    assert "in WebAssembly" in error
+    assert not (tmp_path / "no.html").exists()
