@@ -289,25 +289,3 @@ def test_an_attachment_is_what_zenohs_serialisation_makes() -> None:
     id_ = gid("@ros2_lv/0/a/0/1/MP/%/%/talker/%chatter/x/y/::,:,:,:,,")
     integers: Any = (ext.Int64(5), ext.Int64(17), [ext.UInt8(b) for b in id_])
     assert attachment(5, 17, id_) == ext.z_serialize(integers).to_bytes()
-
-
-def test_no_message_is_made_for_a_topic_without_a_subscriber(conductor: Conductor) -> None:
-    imu, clock, steps = Heard(), Heard(), 0
-
-    def step() -> None:
-        nonlocal steps
-        conductor.step(ME, 1, {}, ())
-        steps += 1
-
-    with Ros2Node(conductor, port=0, domain=0) as node, ros(node.port) as peer:
-        first = peer.declare_subscriber("0/imu/**", imu)
-        conductor.step(ME, 100, {}, ())
-        imu.wait(lambda: conductor.step(ME, 50, {}, ()))  # rows are published
-        second = peer.declare_subscriber("0/clock/**", clock)
-        sample = clock.wait(step)
-        first.undeclare()
-        second.undeclare()
-    assert sample.attachment is not None
-    [number] = struct.unpack_from("<q", sample.attachment.to_bytes())
-    # Rows that wait while the subscriber is noticed may have messages, too.
-    assert number <= steps + 64
