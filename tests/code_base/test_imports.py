@@ -9,10 +9,24 @@ ROOT = Path(uuvsim_cosim.__file__).parent
 PACKAGES = ("models", "fmus", "kernels")
 
 # Module (without uuvsim_cosim) -> package that a function of it imports -> reason: "extra" (it
-# may not be installed) or "start-up" (it takes long to import, and few commands need it).
+# may not be installed), "start-up" (it takes long to import, and few commands need it), "POSIX"
+# (other systems lack it) or "order" (it is imported after the process was restricted).
 DEFERRED = {
     "fmus.check.check_fmu": {"fmpy": "start-up"},
     "fmus.codegen.toolchain": {"importlib": "start-up"},
+    "fmus.isolation.confined_child": {
+        "uuvsim_cosim.fmus.isolation": "order",
+        "uuvsim_cosim.fmus.isolation.confinement": "order",
+    },
+    "fmus.isolation.confinement": {
+        "resource": "POSIX",
+        "uuvsim_cosim.cache": "start-up",
+        "uuvsim_cosim.content": "start-up",
+    },
+    "fmus.isolation.isolated": {
+        "fcntl": "POSIX",
+        "uuvsim_cosim.fmus.isolation.refusals": "POSIX",
+    },
     "fmus.model_exchange.solver": {"fmpy": "start-up", "scipy": "start-up"},
     "kernels.derivatives.autograd": {"torch": "extra"},
     "models.analysis.linearize": {"control": "start-up"},
@@ -61,4 +75,6 @@ def test_functions_import_only_what_is_listed() -> None:
             if names := imported_in_functions(path):
                 found[".".join(path.relative_to(ROOT).with_suffix("").parts)] = names
     assert found == {module: set(names) for module, names in DEFERRED.items()}
-    assert {r for names in DEFERRED.values() for r in names.values()} == {"extra", "start-up"}
+    assert {r for names in DEFERRED.values() for r in names.values()} == {
+        "extra", "start-up", "POSIX", "order",
+    }  # fmt: skip

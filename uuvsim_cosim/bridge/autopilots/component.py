@@ -296,7 +296,8 @@ class Autopilot(ABC, Generic[L]):
             for v in self.description.of("parameter")
         }
         self._inputs = self._in.start
-        self._setpoint, self._setpoint_kind, self._pilot = (0.0,) * 7, 0, (0.0,) * 6
+        self._setpoint, self._setpoint_kind = (0.0,) * 7, 0
+        self._pilot: tuple[float, ...] = (0.0,) * 6
         self._row = self._out.pack(self._out.start)
 
     def terminate(self) -> None:

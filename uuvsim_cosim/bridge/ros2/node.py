@@ -273,10 +273,9 @@ class _Publishing:
         block = self._layout.rows(part.ticks, part.slots)
         if "/clock" in self._wanted:
             stamps = np.rint(block.time * 1e9).astype(np.int64)
-            messages = self._clock.rows(len(stamps), {
+            self._put("/clock", self._clock.rows(len(stamps), {
                 "clock.sec": stamps // 10**9, "clock.nanosec": stamps % 10**9,
-            })  # fmt: skip
-            self._put("/clock", messages)
+            }))  # fmt: skip
         for writer in self._writers:
             if writer.topic.name in self._wanted and not writer.rests(block):
                 messages = writer.messages(block)[1]
