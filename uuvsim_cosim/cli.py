@@ -73,6 +73,7 @@ COMMANDS = {
     "report": ("run.report:report_command", SIMULATE),
     "export": ("run.export:export_command", SIMULATE),
     "compare": ("run.compare:compare_command", SIMULATE),
+    "verify": ("run.verify:verify_command", SIMULATE),
     "cite": ("models.cite:cite_command", BUILD),
     "pack": ("run.pack:pack_command", BUILD),
     "new": ("models.new:new_command", BUILD),

@@ -137,6 +137,7 @@ QUICK = {
     "report": "report RUN",
     "export": "export RUN -o x.csv",
     "compare": "compare RUN RUN",
+    "verify": "verify TANK --steps 3",
     "systems missions": "systems missions bluerov2 --until 1",
     "systems new": "systems new my_rov --vehicle bluerov2",
     "systems show": "systems show TANK",

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import uuvsim_cosim as uuv
@@ -11,6 +12,9 @@ from tests.conftest import Uuvsim
 from tests.kernels.web_assembly.test_module import mastered
 from tests.view.browser import found_in_page
 from uuvsim_cosim.kernels.web_assembly.output_hash import output_hash
+from uuvsim_cosim.orchestrator.master.master import Master
+from uuvsim_cosim.orchestrator.master.prepared import prepare
+from uuvsim_cosim.orchestrator.plan.flatten import flatten
 from uuvsim_cosim.view.live_page.live_page import live_page_html
 
 STEPS = 300
@@ -105,3 +109,39 @@ def test_the_command_writes_a_page_and_refuses_other_components_by_name(
     assert status == 2
     assert "in WebAssembly" in error
     assert not (tmp_path / "no.html").exists()
+
+
+def test_a_parameter_acts_from_the_next_step_as_in_the_master(page: str, tmp_path: Path) -> None:
+    script = """
+    page.advance(100);
+    page.system.set("controller.Kp", 2, 60);
+    page.advance(100);
+    return page.system.outputs();
+    """
+    plan = flatten(uuv.load("bluerov2_hold"), seed=0)
+    with Master(plan, prepare(plan)) as master:
+        master.initialize()
+        master.step(100)
+        master.set("controller", "Kp", [80, 80, 60, 14, 14, 6])
+        master.step(100)
+        outputs = [
+            np.ravel(master.get(c.path, v.name)).astype(float)
+            for c in plan.components
+            for v in c.description.of("output")
+        ]
+    assert in_page(tmp_path, page, script) == np.concatenate(outputs).tolist()
+
+
+def test_a_restored_state_goes_on_with_the_same_bits_and_hash(page: str, tmp_path: Path) -> None:
+    script = """
+    const system = page.system, found = () => [system.steps, system.hash, system.outputs()];
+    system.run(50);
+    const kept = system.save();
+    system.run(70);
+    const first = JSON.stringify(found());
+    system.restore(kept);
+    const back = system.steps;
+    system.run(70);
+    return [back, JSON.stringify(found()) === first];
+    """
+    assert in_page(tmp_path, page, script) == [50, True]

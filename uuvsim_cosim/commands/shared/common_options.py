@@ -122,6 +122,11 @@ EXAMPLES: dict[str, tuple[str, ...]] = {
     "export": (
         "export runs/bluerov2_survey-0 -o run.csv",
         "export runs/bluerov2_survey-0 -o run.mcap --scene",
+        "export bluerov2_hold -o page.html",
+    ),
+    "verify": (
+        "verify bluerov2_hold",
+        "verify bluerov2_survey --steps 6000 --set controller.Kp=60,60,80,14,14,6",
     ),
     "report": ("report runs/bluerov2_survey-0", "report runs/bluerov2_survey-0 -o run.svg"),
     "map": ("map runs/seabed_mapping-0 -o map.tif", "map runs/seabed_mapping-0 -o points.laz"),
