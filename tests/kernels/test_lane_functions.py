@@ -76,7 +76,7 @@ def table_of(n: int, ny: int) -> Table:
         table1(xs.tolist(), rng.normal(size=n).tolist())
     else:
         table2(xs.tolist(), ys.tolist(), rng.normal(size=(ny, n)).tolist())
-    return next(t for t in TABLES.values() if t.x == tuple(xs))
+    return next(t for t in TABLES.values() if (t.x, t.y or ()) == (tuple(xs), tuple(ys)))
 
 
 CALLS = {1: ["table1", "table1_d"], 2: ["table2", "table2_dx", "table2_dy"]}
