@@ -295,7 +295,7 @@ def test_without_a_system_nothing_is_drawn() -> None:
 
 @pytest.mark.parametrize("name", ["bluerov2_heavy", "bluerov2_heavy@wu_2018"])
 def test_published_intervals_hold_every_published_set(hold: System, name: str) -> None:
-    system = hold.replace("hull", f"model:{name}")
+    system = hold.with_mismatches("warn").replace("hull", f"model:{name}")
     r = published(name).bound(system)
     start = r.draw(DRAWS)
     assert len(r.parameters) >= 20
