@@ -25,8 +25,8 @@ from tests.bridge.ros2.ros_side import (
     ros,
     tokens,
     twist,
-    until,
 )
+from tests.bridge.waiting import until
 from uuvsim_cosim.bridge.access.access_file import Access, read_access
 from uuvsim_cosim.bridge.access.certificates import make_certificates
 from uuvsim_cosim.bridge.calls.service import Client
