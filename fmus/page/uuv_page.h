@@ -4,8 +4,8 @@
  * Included at the end of a generated file, after uuv_system.h. The caller writes inputs and
  * parameters into the block and reads outputs from it; `is_whole` says which shown outputs are
  * whole numbers. After each communication point, every output goes into the hash: each element has
- * a sum of its mixed bits, and the hash folds the sums. uuvsim_cosim/kernels/verification computes
- * the same hash from recorded outputs.
+ * a sum of its mixed bits, and the hash folds the sums. The file output_hash.py of
+ * uuvsim_cosim/kernels/web_assembly computes the same hash from recorded outputs.
  */
 #ifndef UUV_PAGE_H
 #define UUV_PAGE_H

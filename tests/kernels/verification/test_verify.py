@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +14,7 @@ from tests.conftest import Uuvsim
 from tests.kernels.web_assembly.test_module import NEEDS_NODE, tiny
 from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.kernels.verification import ways
-from uuvsim_cosim.kernels.verification.verify import Difference, verify
+from uuvsim_cosim.kernels.verification.verify import Difference, _texts, verify
 from uuvsim_cosim.kernels.verification.ways import Rows, Way
 from uuvsim_cosim.kernels.web_assembly.output_hash import output_hash
 from uuvsim_cosim.orchestrator.plan.flatten import flatten
@@ -116,6 +117,27 @@ def test_the_page_of_the_docs_has_the_hash_of_a_shipped_system(name: str) -> Non
 def test_no_steps_are_refused() -> None:
     with pytest.raises(InputInvalid, match="steps: 0; expected 1 or more"):
         verify(tiny(), 0)
+
+
+def test_more_rows_than_the_memory_holds_are_refused_before_the_first_way(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr("uuvsim_cosim.fmus.resources.available_memory", lambda: 10**9)
+    with pytest.raises(InputInvalid, match=r"steps: 10,000,000 steps of .* times fewer steps"):
+        verify(tiny(), 10_000_000)
+
+
+def test_outputs_that_are_texts_are_reported_as_not_compared(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    plan = flatten(tiny())
+    hull = next(c for c in plan.components if c.path == "hull")
+    text = replace(hull.description.variables["eta"], name="note", type="String", shape=())
+    described = replace(hull.description, variables={**hull.description.variables, "note": text})
+    noted = [replace(c, description=described) if c is hull else c for c in plan.components]
+    assert _texts(replace(plan, components=tuple(noted))) == [
+        "hull.note: a String, which is not compared"
+    ]
 
 
 def test_the_command_writes_a_table_and_its_status_is_1_if_two_ways_differ(

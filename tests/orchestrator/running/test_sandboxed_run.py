@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -15,6 +16,7 @@ from uuvsim_cosim.cache import cache_dir
 from uuvsim_cosim.errors import ComponentFailed, InputInvalid
 from uuvsim_cosim.orchestrator.recording.recording_reader import read_signals
 from uuvsim_cosim.orchestrator.running.run import run
+from uuvsim_cosim.orchestrator.system.sources import Backend
 from uuvsim_cosim.orchestrator.system.system import System
 
 if sys.platform != "linux":
@@ -107,6 +109,26 @@ def test_a_grant_to_a_component_that_is_not_isolated_is_refused(
             system_of(hostile, TCP), until=0.1, out=tmp_path / "r", isolate=["bad"],
             grants={"good": ["network"]},
         )  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("path", "backend", "words"),
+    [("hul", "fmu", "no component 'hul'; expected one such as hull"),
+     ("hull", "native", "'hull' is a native component, which has no sandbox; expected an FMU"),
+     ("law", "fmu", "'law' is a Python component, which has no sandbox; expected an FMU")],
+)  # fmt: skip
+def test_a_grant_that_would_do_nothing_is_refused(
+    tmp_path: Path, path: str, backend: Backend, words: str
+) -> None:
+    (tmp_path / "law.py").write_text(
+        "class Law:\n    inputs = {}\n    outputs = {'u': '1'}\n"
+        "    def step(self, t, dt, u):\n        return {'u': t}\n"
+    )
+    system = System("mixed", tick="0.01").add("hull", "model:sphere")
+    system = system.add("law", f"{tmp_path / 'law.py'}:Law")
+    with pytest.raises(InputInvalid, match=f"grants: {re.escape(words)}"):
+        run(system, until=0.1, out=tmp_path / "r", isolate=["*"], backend=backend,
+            grants={path: ["network"]})  # fmt: skip
 
 
 def test_the_command_line_warns_and_grants(

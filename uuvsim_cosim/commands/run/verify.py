@@ -73,7 +73,7 @@ def verify_command(
         for text in found.not_covered:
             line(f"not covered: {text}")
         for text in found.missing:
-            line(f"missing on this machine: {text}")
+            line(f"not run: {text}")
         if found.difference is None:
             line(f"all {len(found.outcomes)} ways agree: {found.hash}")
         else:

@@ -10,9 +10,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from uuvsim_cosim.errors import InputInvalid, SystemInvalid
+from uuvsim_cosim.fmus.resources import refuse_unless_it_fits
 from uuvsim_cosim.kernels.codegen.fusible import fused_of
 from uuvsim_cosim.kernels.verification.ways import (
     COMPILERS,
+    TEXTS,
     Output,
     Rows,
     Way,
@@ -30,6 +32,7 @@ from uuvsim_cosim.orchestrator.system.system import System
 
 __all__ = ["Difference", "Outcome", "Verification", "first_difference", "verify"]
 
+_COPIES = 8  # of all rows at most: of the reference and of another way, and their bits
 _FOREIGN = {
     "FMU": "an FMU, not of a declaration",
     "Python": "a Python component",
@@ -86,7 +89,7 @@ def verify(
     """Run a system in every way that this machine has, and compare the bits of all outputs.
 
     `progress` gets the name of each way before it runs. Raises InputInvalid for fewer than one
-    step, and the errors of a run.
+    step and for more than the memory can hold, and the errors of a run.
     """
     if steps < 1:
         raise InputInvalid("steps", steps, "1 or more")
@@ -94,7 +97,11 @@ def verify(
     outputs = outputs_of(plan)
     if not outputs:
         raise InputInvalid(system.name, "it has no outputs", "a system with one output or more")
-    not_covered = list(_foreign(plan))
+    refuse_unless_it_fits(
+        "steps", f"{steps:,} steps of {len(outputs)} outputs",
+        _COPIES * 8.0 * steps * len(outputs), "{times} times fewer steps",
+    )  # fmt: skip
+    not_covered = [*_foreign(plan), *_texts(plan)]
     try:
         fused_of(plan)
         fused = True
@@ -107,7 +114,7 @@ def verify(
     missing = [
         *(f"the compiler {c}" for c in COMPILERS if c != "zig" and shutil.which(c) is None),
         *(["node, for WebAssembly"] if fused and node() is None else []),
-        "aarch64: this command has no driver for another processor yet",
+        "other processors, such as aarch64: this command cannot emulate them yet",
     ]
     outcomes: list[Outcome] = []
     reference: tuple[str, Rows] | None = None
@@ -169,3 +176,13 @@ def _foreign(plan: Plan, kinds: Mapping[str, str] = _FOREIGN) -> list[str]:
             what = kinds.get(source.kind, source.kind)
             found.append(f"{c.path}: {what}, {c.source}, runs the same code in all ways")
     return found
+
+
+def _texts(plan: Plan) -> list[str]:
+    """Return the outputs that are no numbers: they have no part in the hash."""
+    return [
+        f"{c.path}.{v.name}: a {v.type}, which is not compared"
+        for c in plan.components
+        for v in c.description.of("output")
+        if v.type in TEXTS
+    ]

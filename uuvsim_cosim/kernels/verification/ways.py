@@ -29,13 +29,13 @@ from uuvsim_cosim.orchestrator.plan.plan import Plan
 from uuvsim_cosim.orchestrator.system.sources import Backend
 from uuvsim_cosim.orchestrator.system.system import System
 
-__all__ = ["COMPILERS", "Output", "Rows", "Way", "by_compiler", "outputs_of", "ways_of"]
+__all__ = ["COMPILERS", "TEXTS", "Output", "Rows", "Way", "by_compiler", "outputs_of", "ways_of"]
 
 Rows = NDArray[np.float64]
 Compiler = Literal["zig", "gcc"]
 COMPILERS: tuple[Compiler, ...] = get_args(Compiler)
 THREADS = (2, 4, 8, 16)
-_TEXTS: tuple[VariableType, ...] = ("String", "Binary")
+TEXTS: tuple[VariableType, ...] = ("String", "Binary")
 
 
 @dataclass(frozen=True)
@@ -54,7 +54,7 @@ def outputs_of(plan: Plan) -> list[Output]:
         Output(column.name, c.path, v, v.type not in ("Float64", "Float32"))
         for c in plan.components
         for v in c.description.of("output")
-        if v.type not in _TEXTS
+        if v.type not in TEXTS
         for column in Column.of(c.path, v)
     ]
 

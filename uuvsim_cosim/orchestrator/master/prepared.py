@@ -60,9 +60,7 @@ def prepare(
             )
     granted = grants or {}
     for path, texts in granted.items():
-        if path not in isolate and "*" not in isolate:
-            expected = f"a component of isolate: {', '.join(isolate) or 'there is none'}"
-            raise InputInvalid("grants", f"{path!r} is not isolated", expected)
+        _expect_sandbox(path, plan, isolate, backend)
         Grants.of(texts, f"grants {path}")
     declared = {c.source for c in plan.components if c.source.startswith("model:")}
     built: dict[str, Path] = {}
@@ -101,6 +99,26 @@ def prepare(
         return source.instantiate(planned.path, backend=backend)
 
     return instantiate
+
+
+def _expect_sandbox(path: str, plan: Plan, isolate: Collection[str], backend: Backend) -> None:
+    """Raise InputInvalid for a grant to a component that has no sandbox: it would do nothing."""
+    if path not in isolate and "*" not in isolate:
+        expected = f"a component of isolate: {', '.join(isolate) or 'there is none'}"
+        raise InputInvalid("grants", f"{path!r} is not isolated", expected)
+    if path == "*":
+        return
+    sources = {c.path: c.source for c in plan.components}
+    if path not in sources:
+        raise InputInvalid("grants", f"no component {path!r}", expected_names(path, sources))
+    source = resolve(sources[path])
+    if not isinstance(source, FmuSource) and not (
+        isinstance(source, ModelSource) and backend == "fmu"
+    ):
+        kind = "native" if isinstance(source, ModelSource) else source.kind
+        raise InputInvalid(
+            "grants", f"{path!r} is a {kind} component, which has no sandbox", "an FMU"
+        )
 
 
 def instance_of(source: str, path: str, backend: Backend) -> Component:

@@ -274,7 +274,13 @@
   } else outputs.slice(0, 4).forEach(add);
   window.uuvsimPage = { system, advance: n => { advance(n); draw(); }, run, pause, restart };
   restart();
-  const asked = new URLSearchParams(location.hash.slice(1));
-  if (asked.has("theme")) { root.dataset.theme = asked.get("theme"); redraw(); }
-  if (asked.has("steps")) window.uuvsimPage.advance(+asked.get("steps"));
+  // What the link asks for; what cannot be understood is named, and the rest is done.
+  const ASKED = {
+    __proto__: null,
+    theme: value => /^(light|dark)$/.test(value) && (root.dataset.theme = value, redraw(), true),
+    steps: value => /^\d{1,7}$/.test(value) && (window.uuvsimPage.advance(+value), true),
+  };
+  for (const [name, value] of new URLSearchParams(location.hash.slice(1)))
+    if (!ASKED[name] || !ASKED[name](value))
+      notice(`The link has “${name}=${value}”, which is ignored: expected theme=light, theme=dark, or steps= and a whole number below 10,000,000.`);
 })();
