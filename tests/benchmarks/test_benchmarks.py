@@ -16,9 +16,9 @@ FOLDER = Path(__file__).parents[2] / "benchmarks"
 
 # The smallest work that passes through all of a benchmark.
 SHORT: dict[str, str] = {
-    "bridge_cost": "--windows 1 --seconds 0.2 --steps 200",
-    "bridge_frames": "--seconds 0.2",
-    "client_fmu": "--count 20",
+    "bridge/bridge_cost": "--windows 1 --seconds 0.2 --steps 200",
+    "bridge/bridge_frames": "--seconds 0.2",
+    "bridge/client_fmu": "--count 20",
     "compare_controllers": "--until 6 --controllers pid --cases calm",
     "contact": "",
     "environment_speed": "--repeats 1",
@@ -31,14 +31,14 @@ SHORT: dict[str, str] = {
     "learning_speed": "--repeats 1 --hidden 16",
     "master_cost": "--systems --steps 100 --repeats 1",
     "mujoco_rollout": "--envs 8 --steps 5 --repeats 1",
-    "octave_round_trip": "--count 20",
+    "bridge/octave_round_trip": "--count 20",
     "peers": "--steps 100 --repeats 1 --fmus 2",
     "policy_call": "--windows 1",
     "ray_spread": "--workers 1 --runs 2 --steps 128 --repeats 1",
     "rays": "--repeats 1 --rays 20000",
     "readers": "--windows 1 --seconds 0.2 --readers 1",
-    "ros2_latency": "--windows 1 --seconds 0.2",
-    "round_trips": "--count 20",
+    "bridge/ros2_latency": "--windows 1 --seconds 0.2",
+    "bridge/round_trips": "--count 20",
     "snapshot_cost": "--repeats 5",
     "terrain": "CHART --resolution 50",
     "web_page": "bluerov2_hold --steps 100 --repeats 1",
@@ -48,7 +48,8 @@ MISSING = {"mujoco_rollout": ("mujoco", "MuJoCo is missing")}
 
 
 def test_every_benchmark_has_a_short_form() -> None:
-    assert {p.stem for p in FOLDER.glob("*.py")} == set(SHORT)
+    files = [*FOLDER.glob("*.py"), *FOLDER.glob("bridge/*.py")]
+    assert {p.relative_to(FOLDER).with_suffix("").as_posix() for p in files} == set(SHORT)
 
 
 @pytest.mark.slow

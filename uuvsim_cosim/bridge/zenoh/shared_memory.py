@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 __all__ = ["LARGE", "SharedMemory"]
 
-LARGE = 100_000  # bytes above which shared memory is faster (benchmarks/bridge_frames.py)
+LARGE = 100_000  # bytes above which shared memory is faster (benchmarks/bridge/bridge_frames.py)
 POOL = 64 << 20  # bytes; the kernel allocates only those that are used
 SMALL = 4 << 20  # bytes; a smaller pool is not used
 

@@ -4,7 +4,7 @@ A source of 30 topics steps at 1 kHz in real time: an IMU with a message for eac
 topics at 50 Hz. A subscriber in another process takes all of them in every other window of the same
 run. Latency is the time from the end of a step to the subscriber's callback. Plain Zenoh is one
 message of the size of an IMU's, which the stepping thread puts itself after each step. Run it on an
-idle machine: `python benchmarks/ros2_latency.py`.
+idle machine: `python benchmarks/bridge/ros2_latency.py`.
 """
 
 from __future__ import annotations

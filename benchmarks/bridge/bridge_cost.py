@@ -4,7 +4,7 @@
 all blocks in every other window of the same run; the best window of each kind is the one that
 others on the machine disturbed least. "loop" is the wall time that a millisecond of simulated
 time takes in the loop, waiting for Python's lock included; a client in a third process then steps
-in lockstep. Run it on an idle machine: `python benchmarks/bridge_cost.py`.
+in lockstep. Run it on an idle machine: `python benchmarks/bridge/bridge_cost.py`.
 """
 
 from __future__ import annotations

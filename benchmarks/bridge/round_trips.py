@@ -3,7 +3,7 @@ second, for each way of connecting from Python and over HTTP; all in one run on 
 
 Clients run in processes of their own, one after the other; "and" means two that hold the barrier
 together, of which the first is shown. Octave's rows are in octave_round_trip.py. Run it on an
-idle machine: `python benchmarks/round_trips.py`.
+idle machine: `python benchmarks/bridge/round_trips.py`.
 """
 
 from __future__ import annotations

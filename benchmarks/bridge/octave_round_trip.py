@@ -122,7 +122,7 @@ def in_octave_on_zenoh(port: int, count: int) -> list[tuple[float, float]]:
 
 
 def numbers_of(octave: str, code: str) -> list[float]:
-    folder = Path(__file__).parents[1] / "matlab"
+    folder = Path(__file__).parents[2] / "matlab"
     command = [octave, "--norc", "--quiet", "--no-window-system", "--eval"]
     paths = f"addpath('{folder}', '{folder / 'mex'}');"
     done = subprocess.run([*command, paths + code], check=True, capture_output=True, text=True)
