@@ -10,14 +10,18 @@ from typing import Annotated, Any
 import typer
 
 from uuvsim_cosim.commands.shared.answer import answer
-from uuvsim_cosim.commands.shared.completion import models, of, replacements, systems
+from uuvsim_cosim.commands.shared.completion import models, of, systems
 from uuvsim_cosim.commands.shared.options import (
-    assignments,
     fmi_version,
     folder_option,
     platform_names,
 )
-from uuvsim_cosim.commands.shared.system_options import SET, edited_system
+from uuvsim_cosim.commands.shared.system_options import (
+    Replacements,
+    Values,
+    changes_of,
+    edited_system,
+)
 from uuvsim_cosim.commands.shared.terminal import (
     console,
     file_line,
@@ -58,22 +62,12 @@ def _build(
             autocompletion=of("flat", "structured"), help="flat: hull_eta; structured: hull.eta."
         ),
     ] = "flat",
-    replace: Annotated[
-        list[str] | None, typer.Option(autocompletion=replacements, help="component=source.")
-    ] = None,
-    set_: Annotated[
-        list[str] | None, typer.Option("--set", help=f"{SET}; may be repeated.")
-    ] = None,
+    replace: Replacements = None,
+    set_: Values = None,
     **more: object,
 ) -> None:
     version, platforms = fmi_version(fmi), platform_names(platform)
-    changes = {
-        "replace": assignments("--replace", replace or [], "component=source", dotted=False),
-        "map": {},
-        "rate": {},
-        "set": assignments("--set", set_ or [], SET, dotted=True),
-    }
-    edited = edited_system(system, None, changes)
+    edited = edited_system(system, None, changes_of(set_, replace))
     with console(stderr=True).status(f"building {edited.name} for {', '.join(platforms)}"):
         path = build(
             edited, fmi=version, platforms=platforms, target=out, signals=signals or (),

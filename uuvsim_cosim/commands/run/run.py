@@ -11,25 +11,30 @@ import typer
 from uuvsim_cosim.commands.run.map import mapped
 from uuvsim_cosim.commands.run.summary import show_run, summary
 from uuvsim_cosim.commands.run.view import Watched
-from uuvsim_cosim.commands.shared.completion import components, of, replacements, systems
+from uuvsim_cosim.commands.shared.completion import components, of, systems
 from uuvsim_cosim.commands.shared.options import (
     assignments,
     expect_folder,
     grants,
-    rates,
     seconds,
     step_text,
 )
 from uuvsim_cosim.commands.shared.progress import RunProgress
 from uuvsim_cosim.commands.shared.system_options import (
-    MAP,
     SET,
     ArdusubBinary,
     ArmReal,
     Force,
+    Loops,
+    Maps,
     Px4Build,
+    Rates,
+    Replacements,
     Unsigned,
+    Until,
+    Values,
     VehicleOfMission,
+    changes_of,
     edited_system,
     permit_commands,
 )
@@ -65,17 +70,8 @@ def run_command(
         str | None,
         typer.Option(help="LAT,LON of the local frame's origin, for --waypoints in degrees."),
     ] = None,
-    set_: Annotated[
-        list[str] | None, typer.Option("--set", help=f"{SET}; may be repeated.")
-    ] = None,
-    until: Annotated[
-        float | None,
-        typer.Option(
-            help="End of the simulated time: seconds, or '2 min'.",
-            parser=seconds("--until"),
-            metavar="TIME",
-        ),
-    ] = None,
+    set_: Values = None,
+    until: Until = None,
     start: Annotated[
         float | None,
         typer.Option(
@@ -88,21 +84,11 @@ def run_command(
         Path | None, typer.Option("--out", "-o", help="Folder to write (for an .fmu: a CSV file).")
     ] = None,
     seed: Annotated[int, typer.Option(help="Seed of all random numbers.")] = 0,
-    replace: Annotated[
-        list[str] | None,
-        typer.Option(
-            autocompletion=replacements, help="component=source: an .fmu, FILE.py:Class, model:…"
-        ),
-    ] = None,
+    replace: Replacements = None,
     ardusub: ArdusubBinary = None,
     px4: Px4Build = None,
-    map_: Annotated[
-        list[str] | None, typer.Option("--map", help=f"{MAP}, or component=FILE.ssm.")
-    ] = None,
-    rate: Annotated[
-        list[str] | None,
-        typer.Option(help="Communication step: component=0.02, or component=20ms."),
-    ] = None,
+    map_: Maps = None,
+    rate: Rates = None,
     force: Force = False,
     arm_real: ArmReal = False,
     unsigned: Unsigned = False,
@@ -138,13 +124,7 @@ def run_command(
             help=f"Exception to an isolated FMU's sandbox, component=GRANT: {GRANTS}; repeatable."
         ),
     ] = None,
-    loops: Annotated[
-        str | None,
-        typer.Option(
-            autocompletion=of("iterate", "refuse", "delay"),
-            help="Algebraic loops: iterate, refuse or delay.",
-        ),
-    ] = None,
+    loops: Loops = None,
     trace_fmi: Annotated[
         Path | None, typer.Option(help="CSV to write: every FMI call of every FMU; slow.")
     ] = None,
@@ -179,7 +159,6 @@ def run_command(
     With an .fmu, simulate that one FMU and write its outputs as CSV.
     """
     is_fmu = Path(system).suffix.lower() == ".fmu"
-    values = assignments("--set", set_ or [], SET, dotted=not is_fmu)
     if until is not None and not (0 < until < float("inf")):
         raise InputInvalid(f"--until {until:g}: expected more than 0 seconds")
     if start is not None and not math.isfinite(start):
@@ -204,6 +183,7 @@ def run_command(
             raise InputInvalid(f"--input {' '.join(input_ or [])}: expected one CSV for an .fmu")
         table = Path(input_[0]) if input_ else None
         asked = None if step is None else step_text(step, "--step")
+        values = assignments("--set", set_ or [], SET, dotted=False)
         _run_fmu(system, table, until, asked, out, values, trace_fmi, start, interface)
         return
     if step is not None:
@@ -212,13 +192,8 @@ def run_command(
         raise InputInvalid(
             f"--interface {interface} applies to a single .fmu", "SYSTEM to be an .fmu"
         )
-    changes = {
-        "replace": assignments("--replace", replace or [], "component=source", dotted=False),
-        "map": assignments("--map", map_ or [], MAP, dotted=False),
-        "rate": rates(rate or []),
-        "set": values,
-        "input": {f"{n}": text for n, text in enumerate(input_ or [], start=1)},
-    }
+    changes = changes_of(set_, replace, map_, rate)
+    changes["input"] = {f"{n}": text for n, text in enumerate(input_ or [], start=1)}
     if waypoints is not None:
         changes["waypoints"] = {"file": waypoints.name} | ({"origin": origin} if origin else {})
     if scenario is not None:

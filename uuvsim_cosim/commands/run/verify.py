@@ -13,8 +13,7 @@ import typer
 
 from uuvsim_cosim.cache import written
 from uuvsim_cosim.commands.shared.completion import systems
-from uuvsim_cosim.commands.shared.options import assignments
-from uuvsim_cosim.commands.shared.system_options import SET, edited_system
+from uuvsim_cosim.commands.shared.system_options import Values, changes_of, edited_system
 from uuvsim_cosim.commands.shared.terminal import console, file_line, line, put, table
 from uuvsim_cosim.errors import InputInvalid
 
@@ -32,9 +31,7 @@ def verify_command(
     ],
     steps: Annotated[int, typer.Option(help="Number of communication steps.")] = 1000,
     seed: Annotated[int, typer.Option(help="Seed from which random values are drawn.")] = 0,
-    set_: Annotated[
-        list[str] | None, typer.Option("--set", metavar=SET, help="Set a value; repeatable.")
-    ] = None,
+    set_: Values = None,
     out: Annotated[
         Path | None, typer.Option("--out", "-o", help="Table of the hashes to write: .csv or .md.")
     ] = None,
@@ -48,10 +45,7 @@ def verify_command(
         raise InputInvalid(out, f"ending {out.suffix!r} was read", ".csv or .md")
     from uuvsim_cosim.kernels.verification.verify import verify
 
-    changes: dict[str, dict[str, str]] = {
-        "rate": {}, "replace": {}, "map": {},
-        "set": assignments("--set", set_ or [], SET, dotted=True),
-    }  # fmt: skip
+    changes = changes_of(set_)
     rows: list[tuple[object, ...]] = []
     results: list[dict[str, object]] = []
     equal = True

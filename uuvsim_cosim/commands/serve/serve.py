@@ -14,17 +14,22 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from uuvsim_cosim.commands.shared.answer import answer
-from uuvsim_cosim.commands.shared.completion import of, replacements, systems
-from uuvsim_cosim.commands.shared.options import assignments, folder_option, rates, seconds
+from uuvsim_cosim.commands.shared.completion import of, systems
+from uuvsim_cosim.commands.shared.options import folder_option
 from uuvsim_cosim.commands.shared.system_options import (
-    MAP,
-    SET,
     ArdusubBinary,
     ArmReal,
     Force,
+    Loops,
+    Maps,
     Px4Build,
+    Rates,
+    Replacements,
     Unsigned,
+    Until,
+    Values,
     VehicleOfMission,
+    changes_of,
     edited_system,
     flown_path,
     named_system,
@@ -59,14 +64,7 @@ def serve_command(
     paused: Annotated[
         bool, typer.Option("--paused", help="Start paused; clients run or step the system.")
     ] = False,
-    until: Annotated[
-        float | None,
-        typer.Option(
-            help="End at this simulated time: seconds, or '2 min'.",
-            parser=seconds("--until"),
-            metavar="TIME",
-        ),
-    ] = None,
+    until: Until = None,
     port: Annotated[int | None, typer.Option(help="Zenoh's port (7470); 0 for any.")] = None,
     tcp_port: Annotated[
         int | None, typer.Option(help="Port for MATLAB and Octave; 0 for any, -1 for none.")
@@ -124,32 +122,14 @@ def serve_command(
     ] = None,
     no_record: Annotated[bool, typer.Option("--no-record", help="Record nothing.")] = False,
     seed: Annotated[int, typer.Option(help="Seed of all random numbers.")] = 0,
-    replace: Annotated[
-        list[str] | None,
-        typer.Option(
-            autocompletion=replacements, help="component=source: .fmu, FILE.py:Class, keyboard"
-        ),
-    ] = None,
+    replace: Replacements = None,
     ardusub: ArdusubBinary = None,
     px4: Px4Build = None,
-    map_: Annotated[
-        list[str] | None, typer.Option("--map", help=f"{MAP}, or component=FILE.ssm.")
-    ] = None,
-    rate: Annotated[
-        list[str] | None,
-        typer.Option(help="Communication step: component=0.02, or component=20ms."),
-    ] = None,
-    set_: Annotated[
-        list[str] | None, typer.Option("--set", help=f"{SET}; may be repeated.")
-    ] = None,
+    map_: Maps = None,
+    rate: Rates = None,
+    set_: Values = None,
     force: Force = False,
-    loops: Annotated[
-        str | None,
-        typer.Option(
-            autocompletion=of("iterate", "refuse", "delay"),
-            help="Algebraic loops: iterate, refuse or delay.",
-        ),
-    ] = None,
+    loops: Loops = None,
     fmu: Annotated[bool, typer.Option("--fmu", help="Run models as FMUs, as `run` does.")] = False,
     fail_safe: Annotated[
         str,
@@ -221,12 +201,7 @@ def serve_command(
         foxglove_port = FOXGLOVE_PORT if foxglove_port is None else foxglove_port
         wanted["--foxglove-port"] = foxglove_port
     _check_ports(opened.hosts, wanted)
-    changes = {
-        "replace": assignments("--replace", replace or [], "component=source", dotted=False),
-        "map": assignments("--map", map_ or [], MAP, dotted=False),
-        "rate": rates(rate or []),
-        "set": assignments("--set", set_ or [], SET, dotted=True),
-    }
+    changes = changes_of(set_, replace, map_, rate)
     placed = ros2 is not None or mavlink is not None or foxglove
     if origin is not None and waypoints is None and not placed:
         raise InputInvalid(

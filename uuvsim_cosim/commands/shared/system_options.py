@@ -9,8 +9,14 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from uuvsim_cosim.commands.shared.completion import vehicles
-from uuvsim_cosim.commands.shared.options import by_component, value_of
+from uuvsim_cosim.commands.shared.completion import of, replacements, vehicles
+from uuvsim_cosim.commands.shared.options import (
+    assignments,
+    by_component,
+    rates,
+    seconds,
+    value_of,
+)
 from uuvsim_cosim.commands.shared.terminal import notice
 from uuvsim_cosim.errors import InputInvalid
 
@@ -24,9 +30,16 @@ __all__ = [
     "ArdusubBinary",
     "ArmReal",
     "Force",
+    "Loops",
+    "Maps",
     "Px4Build",
+    "Rates",
+    "Replacements",
     "Unsigned",
+    "Until",
+    "Values",
     "VehicleOfMission",
+    "changes_of",
     "edited_system",
     "flown_path",
     "named_system",
@@ -51,6 +64,33 @@ Force = Annotated[
     typer.Option("--force", help="Run parts that are made for another vehicle; each is a warning."),
 ]
 
+Replacements = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--replace", autocompletion=replacements,
+        help="component=source: an .fmu, FILE.py:Class, model:…, keyboard; may be repeated.",
+    ),
+]  # fmt: skip
+Maps = Annotated[list[str] | None, typer.Option("--map", help=f"{MAP}, or component=FILE.ssm.")]
+Rates = Annotated[
+    list[str] | None,
+    typer.Option("--rate", help="Communication step: component=0.02, or component=20ms."),
+]
+Values = Annotated[list[str] | None, typer.Option("--set", help=f"{SET}; may be repeated.")]
+Loops = Annotated[
+    str | None,
+    typer.Option(
+        "--loops", autocompletion=of("iterate", "refuse", "delay"),
+        help="Algebraic loops: iterate, refuse or delay.",
+    ),
+]  # fmt: skip
+Until = Annotated[
+    float | None,
+    typer.Option(
+        "--until", help="End of the simulated time: seconds, or '2 min'.",
+        parser=seconds("--until"), metavar="TIME",
+    ),
+]  # fmt: skip
 ArdusubBinary = Annotated[
     str | None,
     typer.Option(
@@ -67,6 +107,19 @@ ArmReal = Annotated[
 Unsigned = Annotated[
     bool, typer.Option("--unsigned", help="Send these commands without a signature.")
 ]
+
+
+def changes_of(
+    set_: list[str] | None, replace: list[str] | None = None,
+    map_: list[str] | None = None, rate: list[str] | None = None,
+) -> dict[str, dict[str, str]]:  # fmt: skip
+    """Return what `--set`, `--replace`, `--map` and `--rate` change. Raises InputInvalid."""
+    return {
+        "replace": assignments("--replace", replace or [], "component=source", dotted=False),
+        "map": assignments("--map", map_ or [], MAP, dotted=False),
+        "rate": rates(rate or []),
+        "set": assignments("--set", set_ or [], SET, dotted=True),
+    }
 
 
 def edited_system(

@@ -9,12 +9,14 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from uuvsim_cosim.commands.shared.completion import replacements, systems
-from uuvsim_cosim.commands.shared.options import assignments, folder_option, seconds
+from uuvsim_cosim.commands.shared.completion import systems
+from uuvsim_cosim.commands.shared.options import folder_option, seconds
 from uuvsim_cosim.commands.shared.system_options import (
-    SET,
     Force,
+    Replacements,
+    Values,
     VehicleOfMission,
+    changes_of,
     edited_system,
 )
 from uuvsim_cosim.commands.shared.terminal import (
@@ -56,13 +58,8 @@ def analyse_command(
             metavar="TIME",
         ),
     ] = "20",  # type: ignore[assignment]  # parsed as if it was given
-    replace: Annotated[
-        list[str] | None,
-        typer.Option(autocompletion=replacements, help="component=source: FILE.py:Class, model:…"),
-    ] = None,
-    set_: Annotated[
-        list[str] | None, typer.Option("--set", help=f"{SET}; may be repeated.")
-    ] = None,
+    replace: Replacements = None,
+    set_: Values = None,
     force: Force = False,
     out: Annotated[
         Path | None, folder_option("Folder for loops.svg, loops.json and loops.mat.")
@@ -73,13 +70,7 @@ def analyse_command(
     Each element of the signal is opened alone, with all other loops closed. The exit status is 1 if
     a closed loop is unstable.
     """
-    changes = {
-        "replace": assignments("--replace", replace or [], "component=source", dotted=False),
-        "map": {},
-        "rate": {},
-        "set": assignments("--set", set_ or [], SET, dotted=True),
-    }
-    edited = edited_system(system, None, changes, None, None, vehicle, force)
+    edited = edited_system(system, None, changes_of(set_, replace), None, None, vehicle, force)
     from uuvsim_cosim.orchestrator.analysis.opened_loop import opened_loops
 
     loops, without = opened_loops(edited, break_, at)

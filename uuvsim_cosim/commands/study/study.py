@@ -8,10 +8,9 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from uuvsim_cosim.commands.shared.completion import of
 from uuvsim_cosim.commands.shared.options import RAY, clustered, folder_option
 from uuvsim_cosim.commands.shared.progress import StudyProgress
-from uuvsim_cosim.commands.shared.system_options import Force
+from uuvsim_cosim.commands.shared.system_options import Force, Loops
 from uuvsim_cosim.commands.shared.terminal import (
     file_table,
     line,
@@ -50,13 +49,7 @@ def study_command(
     master: Annotated[
         bool, typer.Option("--master", help="Use masters even if a kernel can run the study.")
     ] = False,
-    loops: Annotated[
-        str | None,
-        typer.Option(
-            autocompletion=of("iterate", "refuse", "delay"),
-            help="Algebraic loops: iterate, refuse or delay; overrides the file.",
-        ),
-    ] = None,
+    loops: Loops = None,
     force: Force = False,
     ray: Annotated[
         str | None,
