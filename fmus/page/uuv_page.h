@@ -15,7 +15,9 @@
 enum { N_SUMS = UUV_N_SUMS };
 static whole *page;
 static uint64_t sums[N_SUMS];
-static void *page_state; /* a state of the instance, then the sums */
+static char *page_state; /* a state of the instance, the sums, and the faults */
+
+#include "uuv_page_faults.h"
 
 static uint64_t mixed(uint64_t w) {
     w ^= w >> 32;
@@ -37,7 +39,7 @@ static void hash_outputs(void) {
 V *UUV_PAGE(uuv_page_open)(void) {
     page = (whole *)uuv_instantiate(&uuv_the_component);
     if (!page) return NULL;
-    page_state = malloc(uuv_state_size(&page->head) + sizeof sums);
+    page_state = malloc(uuv_state_size(&page->head) + sizeof sums + sizeof faulty);
     return page_state ? page->head.b : NULL;
 }
 
@@ -47,6 +49,7 @@ void UUV_PAGE(uuv_page_begin)(void) {
     page->failure[0] = '\0';
     page->head.dirty = page->head.outputs_stale = 1;
     page->head.initialized = 0;
+    clear_faults();
     uuv_enter_initialization(&page->head, 0.0);
     uuv_exit_initialization(&page->head);
     memset(sums, 0, sizeof sums);
@@ -62,6 +65,7 @@ uint32_t UUV_PAGE(uuv_page_run)(uint32_t n) {
     copy_tunables(page);
     while (made < n && !page->failure[0]) {
         if (uuv_kernel_step(page->m, 0, 0, 1, 1)) note_failure(page);
+        if (faulty.count) show_faults();
         hash_outputs();
         made++;
     }
@@ -83,15 +87,36 @@ const char *UUV_PAGE(uuv_page_failure)(void) { return page->failure; }
 /* The state that `save` writes and `restore` reads: its place, and its size in bytes. */
 void *UUV_PAGE(uuv_page_state)(void) { return page_state; }
 uint32_t UUV_PAGE(uuv_page_state_size)(void) {
-    return (uint32_t)(uuv_state_size(&page->head) + sizeof sums);
+    return (uint32_t)(uuv_state_size(&page->head) + sizeof sums + offsetof(active_faults, each) +
+                      faulty.count * sizeof *faulty.each + faulty.n_past * sizeof *faulty.past);
 }
+
+/* Copies the parts of a state that are not the instance's, to or from p. */
+static void copy_rest(char *p, void *(*copy)(char **p, void *part, size_t size)) {
+    copy(&p, sums, sizeof sums);
+    copy(&p, &faulty, offsetof(active_faults, each));
+    copy(&p, faulty.each, faulty.count * sizeof *faulty.each);
+    copy(&p, faulty.past, faulty.n_past * sizeof *faulty.past);
+}
+static void *copy_out(char **p, void *part, size_t size) {
+    char *to = *p;
+    *p += size;
+    return memcpy(to, part, size);
+}
+static void *copy_in(char **p, void *part, size_t size) {
+    const char *from = *p;
+    *p += size;
+    return memcpy(part, from, size);
+}
+
 void UUV_PAGE(uuv_page_save)(void) {
     uuv_get_state(&page->head, page_state);
-    memcpy((char *)page_state + uuv_state_size(&page->head), sums, sizeof sums);
+    copy_rest(page_state + uuv_state_size(&page->head), copy_out);
 }
 void UUV_PAGE(uuv_page_restore)(void) {
     uuv_set_state(&page->head, page_state);
-    memcpy(sums, (char *)page_state + uuv_state_size(&page->head), sizeof sums);
+    copy_rest(page_state + uuv_state_size(&page->head), copy_in);
+    bind_faults();
 }
 
 #endif

@@ -5,7 +5,7 @@ The module imports nothing: no library, no clock, no file. `fmus/page/uuv_page.h
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -18,6 +18,9 @@ from uuvsim_cosim.fmus.codegen.runtime import runtime
 from uuvsim_cosim.fmus.codegen.toolchain import compile_web_assembly, generated_sources
 from uuvsim_cosim.kernels.system_fmu.system_fmu import SystemParts, system_parts
 from uuvsim_cosim.kernels.system_fmu.variables import Exposed
+from uuvsim_cosim.orchestrator.master.core_library import by_type
+from uuvsim_cosim.orchestrator.plan.plan import Plan
+from uuvsim_cosim.orchestrator.plan.seeds import path_words
 from uuvsim_cosim.orchestrator.system.system import System
 
 __all__ = ["WebAssembly", "web_assembly"]
@@ -43,7 +46,8 @@ class WebAssembly:
         }
         found |= {"input": [], "parameter": [], "output": []}
         for e in self.parts.variables:
-            found[e.own.causality].append(_row(e))
+            ticks = self.parts.fused.plan.components[e.component].step_ticks
+            found[e.own.causality].append(_row(e, ticks))
         return found
 
 
@@ -58,7 +62,7 @@ def web_assembly(system: System) -> WebAssembly:
         raise SystemInvalid([_elsewhere(p) for p in error.problems]) from error
     main, *declared = parts.texts
     texts = {
-        main: parts.texts[main] + page_text(parts.variables),
+        main: parts.texts[main] + page_text(parts),
         **{name: parts.texts[name] for name in declared},
     }
     include = [content("fmus", folder) for folder in ("page", "whole", "kernels")]
@@ -68,15 +72,53 @@ def web_assembly(system: System) -> WebAssembly:
     return WebAssembly(module, parts)
 
 
-def page_text(variables: Iterable[Exposed]) -> str:
+def page_text(parts: SystemParts) -> str:
     """Return the C that follows a system's text in a WebAssembly module."""
-    outputs = [e for e in variables if e.own.causality == "output"]
-    whole = ", ".join(str(int(e.own.type not in _REAL)) for e in outputs) or "0"
-    return (
-        f"enum {{ UUV_N_SUMS = {sum(e.shown.size for e in outputs)} }};\n"
-        f"static const uint8_t is_whole[] = {{{whole}}};\n"
-        '#include "uuv_page.h"\n'
+    outputs = [e for e in parts.variables if e.own.causality == "output"]
+    fused = parts.fused
+    slots = output_slots(fused.plan)
+    sequential = {i for g in fused.plan.groups if g.algorithm != "jacobi" for i in g.members}
+    first = fused.plan.components[0]
+    own_seed = [1, *(w % 2**32 for w in first.seed)] if "seed" in first.start else [0, 0, 0]
+    tables = {
+        "uint8_t is_whole": [int(e.own.type not in _REAL) for e in outputs],
+        "uint8_t output_kind": [_kind(e.own.type) for e in outputs],
+        "uint32_t output_member": [e.component for e in outputs],
+        "uint32_t output_slot": [slots[e.component, e.own.name] for e in outputs],
+        "uint8_t is_sequential": [int(i in sequential) for i in range(len(fused.members))],
+        "uint32_t member_period": [max(m.rate, 0) for m in fused.members],
+        "uint32_t first_path": path_words(first.path),
+        "uint32_t first_seed": own_seed,  # whether the system sets it, and its words
+    }
+    lines = [f"enum {{ UUV_N_SUMS = {sum(e.shown.size for e in outputs)} }};"]
+    for name, values in tables.items():
+        lines.append(f"static const {name}[] = {{{', '.join(f'{v}u' for v in values) or '0'}}};")
+    return "\n".join([*lines, '#include "uuv_page.h"', ""])
+
+
+def output_slots(plan: Plan) -> dict[tuple[int, str], int]:
+    """Return the master's slot of each output if all are recorded, by (component, name).
+
+    Lost samples of a fault are drawn by slot, so that a page loses the same ones.
+    """
+    order = [i for group in plan.groups for i in group.members]
+    described = [c.description for c in plan.components]
+    slot = sum(
+        v.size for i in order for v in described[i].of("input") if (i, v.name) in plan.connected
     )
+    slots = {}
+    for i in order:
+        for v in by_type(v for v in described[i].of("output") if v.type != "Clock"):
+            slots[i, v.name] = slot
+            slot += v.size
+    return slots
+
+
+def _kind(type_: str) -> int:
+    """Return how a fault rounds a value: float, Boolean, signed or unsigned integer."""
+    if type_ in _REAL:
+        return 0
+    return 1 if type_ == "Boolean" else 3 if type_.startswith("UInt") else 2
 
 
 def _elsewhere(problem: Problem) -> Problem:
@@ -88,7 +130,7 @@ def _elsewhere(problem: Problem) -> Problem:
     )
 
 
-def _row(e: Exposed) -> Mapping[str, Any]:
+def _row(e: Exposed, ticks: int) -> Mapping[str, Any]:
     v = e.shown
     row: dict[str, Any] = {
         "name": e.full_name, "at": e.offset, "size": v.size, "shape": list(v.shape),
@@ -96,7 +138,7 @@ def _row(e: Exposed) -> Mapping[str, Any]:
         "units": [u or "" for u in (v.units if len(set(v.units)) > 1 else v.units[:1])],
     }  # fmt: skip
     if v.causality == "output":
-        return row
+        return row | {"ticks": ticks}
     row |= {
         "start": np.ravel(np.asarray(v.start, float)).tolist(),
         "min": v.min,

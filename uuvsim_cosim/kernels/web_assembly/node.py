@@ -15,9 +15,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uuvsim_cosim.errors import ToolchainError
+from uuvsim_cosim.kernels.web_assembly.events import timeline_events
 from uuvsim_cosim.kernels.web_assembly.module import WebAssembly
+from uuvsim_cosim.orchestrator.scenarios.scenario import Scenario
 
 __all__ = ["NodeRun", "node", "run_in_node"]
+
+SCRIPTS = ("system.js", "timeline.js", "node_run.js")
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,17 +47,19 @@ def run_in_node(
     *,
     seed: int = 0,
     start: Mapping[str, Sequence[float]] | None = None,
+    scenario: Scenario | None = None,
     record: bool = True,
 ) -> NodeRun:
     """Run a system in node; `start` sets inputs and parameters by name, element by element.
 
-    Raises ToolchainError without node, or if node fails.
+    Raises InputInvalid for a wrong event of the scenario, and ToolchainError without node, or if
+    node fails.
     """
     program = node()
     if program is None:
         raise ToolchainError("node is missing", "node 18 or newer on the PATH")
-    own = files("uuvsim_cosim.kernels.web_assembly")
-    script = "".join(own.joinpath(n).read_text("utf-8") for n in ("system.js", "node_run.js"))
+    own, plan = files("uuvsim_cosim.kernels.web_assembly"), compiled.parts.fused.plan
+    script = "".join(own.joinpath(n).read_text("utf-8") for n in SCRIPTS)
     with tempfile.TemporaryDirectory() as folder:
         task = {
             "table": compiled.table,
@@ -61,6 +67,7 @@ def run_in_node(
             "steps": steps,
             "seed": seed,
             "start": {name: [float(v) for v in values] for name, values in (start or {}).items()},
+            "events": [] if scenario is None else timeline_events(plan, scenario),
             "record": record,
         }
         Path(folder, "task.json").write_text(json.dumps(task), encoding="utf-8")

@@ -33,16 +33,32 @@ class System {
     const row = this.rows.get(name);
     return this.values.slice(row.at, row.at + row.size);
   }
-  // Set an element of an input or a parameter; return why not, or "".
-  set(name, element, value) {
-    const row = this.rows.get(name), place = row.size > 1 || row.shape.length ? `${name}[${element + 1}]` : name;
+  // The name of an element: "allocation.health[3]", "guidance.waypoints[2,1]".
+  place(row, element) {
+    const index = [];
+    for (let d = row.shape.length - 1, rest = element; d >= 0; d--) { index.unshift(rest % row.shape[d] + 1); rest = Math.floor(rest / row.shape[d]); }
+    return index.length ? `${row.name}[${index.join(",")}]` : row.name;
+  }
+  // Why an element of an input or a parameter cannot have a value, or "".
+  refused(name, element, value) {
+    const row = this.rows.get(name), place = this.place(row, element);
+    if (!(element in row.start)) return `${place} does not exist.`;
     if (!Number.isFinite(value)) return `${place} needs a number.`;
     if (row.type !== "Float64" && value !== Math.round(value)) return `${place} needs a whole number.`;
     if (!row.soft && row.min !== null && value < row.min) return `${place} is at least ${row.min}.`;
     if (!row.soft && row.max !== null && value > row.max) return `${place} is at most ${row.max}.`;
-    this.values[row.at + element] = value;
     return "";
   }
+  put(name, element, value) { this.values[this.rows.get(name).at + element] = value; }
+  // Set an element of an input or a parameter; return why not, or "".
+  set(name, element, value) {
+    const refused = this.refused(name, element, value);
+    if (!refused) this.put(name, element, value);
+    return refused;
+  }
+  // Make element k of an output (by its number) faulty from now on; return the fault's number, or 0.
+  addFault(output, k, kind, value, kept) { return this.c.uuv_page_add_fault(output, k, kind, value, kept); }
+  clearFault(id) { this.c.uuv_page_clear_fault(id); }
   get seed() { return this.values[this.table.seed]; }
   set seed(value) { this.values[this.table.seed] = value; }
   // All outputs now, one number an element, in the order of the table.
