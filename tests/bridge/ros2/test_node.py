@@ -14,7 +14,7 @@ import zenoh
 from zenoh import ext
 
 import uuvsim_cosim as uuv
-from tests.bridge.ros2.ros_side import Said, ros, tokens
+from tests.bridge.ros2.ros_side import Said, dds, ros, tokens
 from tests.bridge.waiting import until
 from uuvsim_cosim.bridge.calls.service import Client
 from uuvsim_cosim.bridge.ros2.node import Ros2Node
@@ -180,6 +180,28 @@ def test_humble_has_no_hashes(conductor: Conductor) -> None:
         found = [t for t in tokens(session) if "/MP/" in t]
     assert found
     assert {t.split("/")[11] for t in found} == {"TypeHashNotSupported"}
+
+
+def test_a_subscriber_with_keys_for_buffers_gets_each_cloud_once_by_the_ordinary_key() -> None:
+    """Since lyrical, rmw_zenoh also subscribes to `<key>/_buf_cpu`, and its token has backends."""
+    heard, type_ = Heard(), "sensor_msgs/msg/PointCloud2"
+    system = uuv.System("sonar", "0.1").add("sonar", "model:multibeam?beams=5")
+    key = f"0/sonar/points/{dds(type_)}/{typestore('lyrical').hash_rihs01(type_)}"
+    with (
+        Conductor(system) as conductor,
+        Ros2Node(conductor, "lyrical", port=0, domain=0, report=(said := Said())) as node,
+        ros(node.port) as peer,
+    ):
+        lv = "@ros2_lv/0/f/0/1/MS/%/%/rviz/%sonar%points/x/y/::,5:,:,:,,/backends:cpu:"
+        kept = [peer.liveliness().declare_token(lv)]
+        kept += [peer.declare_subscriber(k, heard) for k in (key, f"{key}/_buf_cpu")]
+        until(lambda: len(heard.samples) > 3, lambda: conductor.step(ME, 10, {}, ()))
+        for one in kept:
+            one.undeclare()
+    assert {str(sample.key_expr) for sample in heard.samples} == {key}
+    numbers = [struct.unpack_from("<q", s.attachment.to_bytes())[0] for s in heard.samples]
+    assert len(set(numbers)) == len(numbers)
+    assert not said.texts
 
 
 def test_a_reset_keeps_the_publishers(conductor: Conductor) -> None:

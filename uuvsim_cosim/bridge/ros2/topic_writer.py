@@ -25,7 +25,7 @@ __all__ = ["DISTRIBUTIONS", "TRANSFORMS", "TopicColumns", "TopicWriter", "typest
 
 DEFINITIONS = Path(__file__).parent / "definitions"  # of packages that rosbags lacks
 TRANSFORMS = "tf2_msgs/msg/TFMessage"
-DISTRIBUTIONS = ("humble", "jazzy", "kilted", "lyrical")
+DISTRIBUTIONS = ("humble", "jazzy", "kilted", "lyrical", "rolling")
 # Fields that a distribution's message may lack.
 _NEW = {"sensor_msgs/msg/Range": frozenset({"variance"})}
 
@@ -33,7 +33,8 @@ _NEW = {"sensor_msgs/msg/Range": frozenset({"variance"})}
 def typestore(distribution: str) -> Typestore:
     """Return the messages of a ROS 2 distribution, and of marine_acoustic_msgs.
 
-    Raises InputInvalid without rosbags.
+    Those of rolling are the ones of lyrical, the newest that rosbags has. Raises InputInvalid
+    without rosbags.
     """
     if distribution not in DISTRIBUTIONS:
         raise InputInvalid(f"ROS 2 {distribution!r}", ", ".join(DISTRIBUTIONS))
@@ -41,7 +42,8 @@ def typestore(distribution: str) -> Typestore:
         from rosbags.typesys import Stores, get_types_from_msg, get_typestore
     except ImportError:
         raise InputInvalid("rosbags is not installed", "pip install 'uuvsim-cosim[ros]'") from None
-    store = get_typestore(Stores[f"ROS2_{distribution.upper()}"])
+    known = "lyrical" if distribution == "rolling" else distribution
+    store = get_typestore(Stores[f"ROS2_{known.upper()}"])
     for file in sorted(DEFINITIONS.glob("*/*.msg")):
         name = f"{file.parent.name}/msg/{file.stem}"
         store.register(get_types_from_msg(file.read_text(encoding="utf-8"), name))

@@ -50,7 +50,7 @@ def export_command(
     distribution: Annotated[
         str,
         typer.Option(
-            autocompletion=of("humble", "jazzy", "kilted", "lyrical"),
+            autocompletion=of("humble", "jazzy", "kilted", "lyrical", "rolling"),
             help="With --ros2: distribution of ROS 2 whose messages are written.",
         ),
     ] = "jazzy",

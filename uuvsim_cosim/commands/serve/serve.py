@@ -75,7 +75,7 @@ def serve_command(
     ros2: Annotated[
         str | None,
         typer.Option(
-            autocompletion=of("humble", "jazzy", "kilted", "lyrical"),
+            autocompletion=of("humble", "jazzy", "kilted", "lyrical", "rolling"),
             help="Be a node of ROS 2 for this distribution's rmw_zenoh: topics, inputs, services.",
         ),
     ] = None,
