@@ -11,6 +11,7 @@ from uuvsim_cosim.errors import SystemInvalid
 from uuvsim_cosim.fmus.export.fmu_file import build_fmu
 from uuvsim_cosim.fmus.export.model_description import FmiVersion
 from uuvsim_cosim.models.declaration.library import declare
+from uuvsim_cosim.models.declaration.parameter_files import vehicle_sets
 from uuvsim_cosim.orchestrator.plan.flatten import flatten, plan_to_inspect
 from uuvsim_cosim.orchestrator.running.library import available, load
 from uuvsim_cosim.orchestrator.ssp.ssd import read_ssd, write_ssd
@@ -127,6 +128,51 @@ def test_gains_for_another_damping_are_refused(tmp_path: Path) -> None:
     file.write_text(file.read_text().replace("D_q_11: {value: 141.0", "D_q_11: {value: 135.0", 1))
     found = refused(load("bluerov2_hold").replace("hull", f"model:{same}"))
     assert "quadratic damping of surge 141 N.s2/m2, not 135 N.s2/m2" in found["controller"]
+
+
+def with_line(folder: Path, old: str, new: str) -> str:
+    """Return the address of a copy of the vehicle with another line in its default set."""
+    file = copy_of_heavy(folder) / "parameters.yaml"
+    assert old in file.read_text()
+    file.write_text(file.read_text().replace(old, new, 1))
+    return f"model:{file.parent}"
+
+
+@pytest.mark.parametrize(
+    ("line", "found"),
+    [
+        ("      x_g: {value: 0.002", "centre of gravity at (0, 0, 0) m, not (0.002, 0, 0) m"),
+        ("      I_b_12: {value: 0.006, unit: kg.m2, source: a test}\n      x_g: {value: 0.0",
+         "inertia with added mass of roll with pitch 0 kg.m2, not 0.006 kg.m2"),
+        ("      M_A_15: {value: 0.05, unit: kg.m, source: a test}\n      x_g: {value: 0.0",
+         "inertia with added mass of surge with pitch 0 kg.m, not 0.05 kg.m"),
+    ],
+)  # fmt: skip
+def test_gains_for_another_centre_of_gravity_or_product_of_inertia_are_refused(
+    line: str, found: str, tmp_path: Path
+) -> None:
+    own = with_line(tmp_path, "      z_b: {", f"{line}, unit: m, source: a test}}\n      z_b: {{")
+    text = refused(load("bluerov2_hold").replace("hull", own))["controller"]
+    assert f"hull is {own.removeprefix('model:')}: {found}; expected" in text
+
+
+def test_gains_for_another_centre_of_buoyancy_are_refused(tmp_path: Path) -> None:
+    own = with_line(tmp_path, "z_b: {value: -0.01,", "z_b: {value: -0.02,")
+    text = refused(load("bluerov2_hold").replace("hull", own))["controller"]
+    assert "centre of buoyancy at (0, 0, -0.01) m, not (0, 0, -0.02) m" in text
+
+
+def test_gains_for_products_of_inertia_of_the_other_sign_are_refused() -> None:
+    """Two sets of the RexROV differ only in the frame in which its tensor was read."""
+    law = "model:lqr?vehicle=rexrov@berg_2012"
+    system = System("s", "0.01").add("lqr", law).add("hull", "model:rexrov@uuv_simulator")
+    text = refused(system)["lqr"]
+    assert "hull is rexrov@uuv_simulator: inertia with added mass of roll with yaw -" in text
+
+
+def test_small_differences_of_places_and_products_are_no_mismatch(tmp_path: Path) -> None:
+    own = with_line(tmp_path, "z_b: {value: -0.01,", "z_b: {value: -0.0108,")
+    assert not refused(load("bluerov2_hold").replace("hull", own))
 
 
 def test_values_that_a_user_sets_are_deliberate() -> None:

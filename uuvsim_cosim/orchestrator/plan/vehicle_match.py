@@ -6,7 +6,8 @@ package by a file in it, a Python class by its attribute `vehicle`. Beside a hul
 or set, it fits if the figures that it uses are the same:
 
 - *places* of the thrusters (wrench, allocation, propeller) within 1 mm, directions within 1e-3;
-- *inertia* with added mass and *damping* of each axis (controllers) within 1 %;
+- *inertia* with added mass and *damping* of each axis (controllers) within 1 %, *products of
+  inertia* within 1 % of the axes' mean, *centres of gravity and of buoyancy* within 1 mm;
 - *fins*, by the places of their file;
 - *thrust* of thrusters at full command, against the thrusters of the hull's folder, within 10 %.
 
@@ -20,73 +21,44 @@ Values that a user sets are not compared: they are deliberate.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import dataclass, field
-from functools import partial
-from math import dist
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from itertools import combinations
+from math import dist, sqrt
 from pathlib import Path
-from typing import Any
 
 from uuvsim_cosim.errors import Problem, UuvsimError
 from uuvsim_cosim.models.declaration.files_read import kept_until_changed
 from uuvsim_cosim.models.declaration.library import LIBRARY
 from uuvsim_cosim.models.declaration.parameter_files import (
     parameter_set,
-    read_yaml,
     split_address,
     vehicle_folder,
     vehicle_sets,
 )
 from uuvsim_cosim.orchestrator.plan.plan import PlannedComponent
+from uuvsim_cosim.orchestrator.plan.vehicle_figures import (
+    MATRICES,
+    NUMBERS,
+    POINTS,
+    Figures,
+    Numbers,
+    figures_of_component,
+    floats,
+    hull_figures,
+    is_fmu,
+    is_hull,
+    with_set,
+)
 
 __all__ = ["vehicle_mismatches"]
 
 SAME = 0.01  # of inertia and damping
 FACTOR = 2.5  # of an inertia, if the component or the hull states no vehicle
 SAME_THRUST = 0.1
+NEAR = 1e-3  # m of a place, and 1 of a direction
 AXES = ("surge", "sway", "heave", "roll", "pitch", "yaw")
-# The numbers of a hull by axis: the words of a message, and the units of force and moment.
-NUMBERS = {
-    "M_ff": ("inertia with added mass", "kg", "kg.m2"),
-    "M": ("inertia with added mass about CO", "kg", "kg.m2"),
-    "D_l": ("linear damping", "N.s/m", "N.m.s/rad"),
-    "D_q": ("quadratic damping", "N.s2/m2", "N.m.s2/rad2"),
-}
-# What a declaration uses, by its name; other declarations use the numbers of the hull.
-USES = {
-    **dict.fromkeys(("allocation", "allocation_qp", "allocation_quadratic", "wrench"), ("places",)),
-    **dict.fromkeys(("contact", "pool"), ("M_ff",)),
-    **dict.fromkeys(("thruster", "thruster_t200", "thruster_jet"), ()),
-    "propeller": ("places",),
-    "fins": ("fins",),
-    "autopilot": ("places", "fins", *NUMBERS),
-}
 THRUSTERS = ("thruster", "thruster_t200", "thruster_jet", "propeller")
-GAINS = frozenset({"Kp", "Kd", "K_p", "K_d", "K"})  # a user who sets one of them sets the gains
-
-Places = tuple[tuple[tuple[float, ...], tuple[float, ...]], ...]  # (r [m], e) of each
-
-
-@dataclass(frozen=True)
-class _Figures:
-    """Figures of a vehicle, ``id@set`` or "" if it is not stated.
-
-    `places` of thrusters and of fins by their words, `numbers` by the names of NUMBERS, each of
-    the six axes. A figure that is not used, or not known, is left out.
-    """
-
-    vehicle: str
-    places: Mapping[str, Places] = field(default_factory=dict)
-    numbers: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
-
-    def used(self, names: Iterable[str]) -> _Figures:
-        """Return the figures of these names alone."""
-        kept = set(names)
-        return _Figures(
-            self.vehicle,
-            {k: v for k, v in self.places.items() if k in kept},
-            {k: v for k, v in self.numbers.items() if k in kept},
-        )
 
 
 @dataclass(frozen=True)
@@ -116,7 +88,7 @@ def vehicle_mismatches(name: str, components: Iterable[PlannedComponent]) -> lis
 
 
 def _of_level(name: str, members: list[PlannedComponent]) -> list[Problem]:
-    hulls = [c for c in members if _is_hull(c)]
+    hulls = [c for c in members if is_hull(c)]
     if not hulls:
         return []
     vehicle = hulls[0].description.made_for.get("hull", "")
@@ -132,7 +104,7 @@ def _of_level(name: str, members: list[PlannedComponent]) -> list[Problem]:
             is_thruster = own in THRUSTERS
             # Thrusters of another vehicle are there for the cause that is found already.
             of = [v for v in causes if v and (_full_thrust(v) or ("",))[0] == own]
-            stated = _with_set(c.description.made_for.get("figures", ""))
+            stated = with_set(c.description.made_for.get("figures", ""))
             cause = next(iter(of), stated if stated in causes else f"model:{own}")
             found = _Mismatch(c.path, cause, thrust[0], is_thruster=is_thruster)
             causes.setdefault(cause, []).append(found)
@@ -176,26 +148,13 @@ def _places(found: list[_Mismatch]) -> str:
 def _unfit(c: PlannedComponent, hulls: list[PlannedComponent]) -> Iterator[_Mismatch]:
     """Yield what of a component is made for another vehicle, or set, than that of each hull."""
     of_hulls = [h.description.made_for.get("hull", "") for h in hulls]
-    for what, vehicle, figures in _made_for(c):
-        if vehicle in of_hulls and vehicle and not _is_fmu(c):
+    for what, vehicle, figures in figures_of_component(c):
+        if vehicle in of_hulls and vehicle and not is_fmu(c):
             continue  # the same files
         made = figures()
-        differences = [_difference(made, _hull_figures(h)) for h in hulls]
+        differences = [_difference(made, hull_figures(h)) for h in hulls]
         if all(differences):
             yield _Mismatch(c.path, vehicle, differences[0], what)
-
-
-def _with_set(vehicle: str) -> str:
-    """Return ``id@set`` of a vehicle, with its default set unless one is named."""
-    id, set_ = split_address(vehicle)
-    try:
-        return f"{id}@{set_ or vehicle_sets(id)[0]}"
-    except (UuvsimError, OSError):
-        return vehicle
-
-
-def _is_fmu(c: PlannedComponent) -> bool:
-    return c.description.kind.startswith("FMI")
 
 
 def _name(vehicle: str) -> str:
@@ -233,7 +192,7 @@ def _resolved(name: str, members: Iterable[PlannedComponent], vehicle: str) -> s
     return f"one with vehicle={shown}, as in model:wrench?vehicle={shown}"
 
 
-def _difference(made: _Figures, hull: _Figures) -> str:
+def _difference(made: Figures, hull: Figures) -> str:
     """Return what differs between the figures of a component and of a hull; empty if they fit."""
     stated = bool(made.vehicle and hull.vehicle)
     for key, own in made.places.items():
@@ -244,170 +203,62 @@ def _difference(made: _Figures, hull: _Figures) -> str:
         if len(own) != len(wanted):
             return f"{len(own)} {what}{'s' * (len(own) != 1)}, not {len(wanted)}"
         for i, ((r, e), (r_hull, e_hull)) in enumerate(zip(own, wanted, strict=True), 1):
-            if dist(r, r_hull) > 1e-3:
+            if dist(r, r_hull) > NEAR:
                 return f"{what} {i} at {_row(r)} m, not {_row(r_hull)} m"
-            if dist(e, e_hull) > 1e-3:
+            if dist(e, e_hull) > NEAR:
                 return f"{what} {i} pushes along {_row(e)}, not {_row(e_hull)}"
-    for key, (words, force, moment) in NUMBERS.items():
+    for key in NUMBERS:
         if key not in made.numbers or key not in hull.numbers:
             continue
-        for i, (a, b) in enumerate(zip(made.numbers[key], hull.numbers[key], strict=True)):
-            if stated:
-                fits = abs(a - b) <= SAME * max(abs(a), abs(b))
-            else:
-                fits = key not in ("M_ff", "M") or b / FACTOR <= a <= FACTOR * b
-            if not fits:
-                unit = force if i < 3 else moment
-                return f"{words} of {AXES[i]} {a:.3g} {unit}, not {b:.3g} {unit}"
+        a, b = made.numbers[key], hull.numbers[key]
+        if key in MATRICES:
+            if found := _other_matrix(key, a, b, stated):
+                return found
+        elif stated and dist(a, b) > NEAR:
+            return f"{POINTS[key]} at {_row(a)} m, not {_row(b)} m"
     known = made.places or made.numbers
     if stated and not known and _name(made.vehicle) != _name(hull.vehicle):
         return "nothing here shows that its figures are the same"
     return ""
 
 
+def _other_matrix(key: str, own: Numbers, wanted: Numbers, stated: bool) -> str:
+    """Return how a matrix differs from that of the hull; empty if it does not.
+
+    The diagonal is compared first. Other elements are compared, of inertias, if both components
+    state a vehicle: within `SAME` of the mean of the two diagonal elements.
+    """
+    words, *units = MATRICES[key]
+    inertia = key in ("M_ff", "M")
+
+    def differs(i: int, j: int, a: float, b: float, scale: float) -> str:
+        if stated or i != j:
+            fits = abs(a - b) <= SAME * scale
+        else:
+            fits = not inertia or b / FACTOR <= a <= FACTOR * b
+        unit = units[(i > 2) + (j > 2)]
+        axes = AXES[i] if i == j else f"{AXES[i]} with {AXES[j]}"
+        return "" if fits else f"{words} of {axes} {a:.3g} {unit}, not {b:.3g} {unit}"
+
+    one, other = _diagonal(own), _diagonal(wanted)
+    for i, (a, b) in enumerate(zip(one, other, strict=True)):
+        if found := differs(i, i, a, b, max(abs(a), abs(b))):
+            return found
+    if not (inertia and stated and len(own) == len(wanted) == 36):
+        return ""
+    for i, j in combinations(range(6), 2):
+        a, b = own[6 * i + j], wanted[6 * i + j]
+        if found := differs(i, j, a, b, sqrt(abs(other[i] * other[j]))):
+            return found
+    return ""
+
+
+def _diagonal(matrix: Numbers) -> Numbers:
+    return matrix[::7] if len(matrix) == 36 else matrix
+
+
 def _row(vector: Iterable[float]) -> str:
     return "(" + ", ".join(f"{x:.4g}" for x in vector) + ")"
-
-
-# ---- figures of components ----------------------------------------------------------------------
-
-
-def _is_hull(c: PlannedComponent) -> bool:
-    if "hull" in c.description.made_for:
-        return True
-    names = c.description.variables
-    stated = c.source.startswith("model:") or c.description.made_for
-    return not stated and {"eta", "nu"} <= names.keys() and "m" in _numbers(c)
-
-
-def _hull_figures(c: PlannedComponent) -> _Figures:
-    vehicle = c.description.made_for.get("hull", "")
-    known = _figures(vehicle) if vehicle else None
-    if known is not None and not _is_fmu(c):
-        return known
-    numbers = _of_hull(_numbers(c))
-    return _Figures(vehicle, known.places if known else {}, numbers)
-
-
-def _made_for(c: PlannedComponent) -> Iterator[tuple[str, str, Callable[[], _Figures]]]:
-    """Yield what is made for a vehicle: words, the vehicle, and its figures when they are asked."""
-    set_by_user = c.start.keys()
-    left = {
-        *(() if {"r", "e"} & set_by_user else ("places",)),
-        *(() if {"M", "M_ff"} & set_by_user else ("M", "M_ff")),
-        *(name for name in ("D_l", "D_q") if not {name, f"{name}_ff"} & set_by_user),
-        "fins",
-    }
-    stated = c.description.made_for
-    for what, address in stated.items():
-        vehicle = _with_set(address)
-        if what != "figures":
-            if not GAINS & set_by_user:
-                yield f" ({what})", vehicle, partial(_used, vehicle, tuple(NUMBERS))
-            continue
-        uses = left & {*USES.get(c.description.name, NUMBERS)}
-        if c.description.kind == "python":
-            uses = left & {"places", "fins", *NUMBERS}
-        if not uses:
-            continue
-
-        def figures(vehicle: str = vehicle, uses: Iterable[str] = uses) -> _Figures:
-            known = _known(vehicle).used(uses)
-            if not _is_fmu(c):
-                return known
-            own = _own_figures(c).used(uses)  # an FMU holds the figures of its time
-            return _Figures(vehicle, own.places or known.places, own.numbers or known.numbers)
-
-        yield "", vehicle, figures
-    own = _own_figures(c).used(left)
-    if not stated and not c.source.startswith("model:") and (own.places or own.numbers):
-        yield "", "", lambda: own
-
-
-def _own_figures(c: PlannedComponent) -> _Figures:
-    """Return the figures that an FMU or a Python class has as parameters."""
-    v = c.description.variables
-    values = {n: _floats(v[n].start) for n in ("r", "e") if n in v}
-    places: dict[str, Places] = {}
-    if len(values) == 2 and v["r"].shape[1:] == (3,):
-        r, e = values["r"], values["e"]
-        if r and len(r) == len(e):
-            rows = range(0, len(r), 3)
-            places["places"] = tuple((r[i : i + 3], e[i : i + 3]) for i in rows)
-    numbers = {}
-    for key in NUMBERS:
-        for name in (key, f"{key}_ff"):
-            given = _floats(v[name].start) if name in v else ()
-            if len(given) == 36:
-                numbers[key] = given[::7]
-            elif len(given) == 6:
-                numbers["M_ff" if key == "M" else key] = given
-    return _Figures("", places, numbers)
-
-
-def _known(vehicle: str) -> _Figures:
-    return _figures(vehicle) or _Figures(vehicle)
-
-
-def _used(vehicle: str, names: Iterable[str]) -> _Figures:
-    return _known(vehicle).used(names)
-
-
-@kept_until_changed
-def _figures(vehicle: str) -> _Figures | None:
-    """Return the figures of a vehicle's files; None if they cannot be read."""
-    from uuvsim_cosim.models.actuators.thruster_geometry import thruster_geometry
-
-    id, set_ = split_address(vehicle)
-    try:
-        folder = vehicle_folder(id)
-        places: dict[str, Places] = {"places": (), "fins": ()}
-        if (folder / "thrusters.yaml").is_file():
-            g = thruster_geometry(str(folder))
-            rows = zip(g.r.tolist(), g.e.tolist(), strict=True)
-            places["places"] = tuple((tuple(r), tuple(e)) for r, e in rows)
-        if (folder / "fins.yaml").is_file():
-            file = read_yaml(folder / "fins.yaml", "fins.schema.json")
-            at = [tuple(float(x) for x in fin["r"]["value"]) for fin in file["fins"]]
-            places["fins"] = tuple((r, ()) for r in at)
-        listed = parameter_set(id, set_).quantities
-        return _Figures(vehicle, places, _of_hull({k: q.value for k, q in listed.items()}))
-    except (UuvsimError, KeyError, OSError):
-        return None
-
-
-def _of_hull(p: Mapping[str, float]) -> dict[str, tuple[float, ...]]:
-    """Return the diagonals of M, D_l and D_q; `M_ff` leaves out products with the CG's place."""
-    if "m" not in p:
-        return {}
-    at = [p.get(f"{a}_g", 0.0) for a in "xyz"]
-    square = sum(x * x for x in at)
-    about = [p.get(f"I_b_{i}{i}", p.get(f"I_g_{i}{i}", 0.0)) for i in (1, 2, 3)]
-    moved = [p["m"] * (square - x * x) for x in at]
-    about_CO = [a + (b if f"I_g_{i}{i}" in p else 0.0) for i, (a, b) in
-                enumerate(zip(about, moved, strict=True), 1)]  # fmt: skip
-    added = [p.get(f"M_A_{i}{i}", 0.0) for i in range(1, 7)]
-    return {
-        "M_ff": tuple(a + b for a, b in zip([*[p["m"]] * 3, *about], added, strict=True)),
-        "M": tuple(a + b for a, b in zip([*[p["m"]] * 3, *about_CO], added, strict=True)),
-        "D_l": tuple(p.get(f"D_l_{i}{i}", 0.0) for i in range(1, 7)),
-        "D_q": tuple(p.get(f"D_q_{i}{i}", 0.0) for i in range(1, 7)),
-    }
-
-
-def _numbers(c: PlannedComponent) -> dict[str, float]:
-    parameters = c.description.of("parameter")
-    return {v.name: x[0] for v in parameters if len(x := _floats(v.start)) == 1}
-
-
-def _floats(value: Any) -> tuple[float, ...]:
-    """Return the numbers of a start value, flat; none if it is no array of numbers."""
-    from numpy import asarray
-
-    try:
-        return tuple(asarray(value, dtype=float).ravel().tolist()) if value is not None else ()
-    except (TypeError, ValueError):
-        return ()
 
 
 # ---- thrust of thrusters ------------------------------------------------------------------------
@@ -430,7 +281,7 @@ def _other_thrust(c: PlannedComponent, vehicle: str) -> str:
         return ""
     if allocates:
         f_max = c.start.get("f_max", c.description.variables["f_max"].start)
-        has: float | None = _floats(f_max)[0]
+        has: float | None = floats(f_max)[0]
     elif stated:
         has = (_full_thrust(stated) or (own, None))[1]
     else:
