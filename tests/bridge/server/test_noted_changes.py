@@ -55,6 +55,16 @@ def test_a_value_that_is_set_again_is_noted_once_and_each_recording_has_its_own_
     assert noted(tmp_path / "run-2") == [(0.0, "sum.a", 0.25)]
 
 
+def test_a_change_is_in_the_file_when_the_call_returns_so_that_no_kill_loses_it(
+    tmp_path: Path,
+) -> None:
+    with Conductor(system(), record=tmp_path / "run") as service:
+        for k, value in enumerate((0.5, 0.25)):
+            service.set(ME, {"sum.a": value})
+            assert noted(tmp_path / "run")[k:] == [(0.1 * k, "sum.a", value)]
+            service.step(ME, 1)
+
+
 def test_changes_of_clients_in_lockstep_are_noted_at_their_step(tmp_path: Path) -> None:
     with Conductor(system(), record=tmp_path / "run") as service:
         a, b = (service.join(c, lockstep=True, lag=60.0) for c in (ME, OTHER))

@@ -24,6 +24,7 @@ from uuvsim_cosim.orchestrator.scenarios.scenario import (
     Manipulation,
     Scenario,
     SignalFault,
+    changes_text,
     read_scenario,
 )
 from uuvsim_cosim.orchestrator.system.system import System
@@ -92,6 +93,18 @@ def test_the_shipped_scenario_is_read_and_fits_its_system(tmp_path: Path) -> Non
     done = run(uuv.load("bluerov2_survey"), until=0.1, out=tmp_path / "r", scenario=path,
                backend="native")  # fmt: skip
     assert done.steps == 10
+
+
+def test_changes_as_text_are_read_alike_with_and_without_the_yaml_library(tmp_path: Path) -> None:
+    changes = (
+        Change(0.0, "a.u", 1e-300), Change(0.25, "a.b", True), Change(1.0, "a.s", "0.3 m/s"),
+        Change(1.0, "a.v", [[1.5, -2.0], [0.1 + 0.2, 3]]),
+    )  # fmt: skip
+    alone, mixed = tmp_path / "alone.yaml", tmp_path / "mixed.yaml"
+    alone.write_text(changes_text(changes[:1], begins=True) + changes_text(changes[1:]))
+    mixed.write_text(f"{alone.read_text()}- {{at: 2, signal: a.y, fault: freeze}}\n")
+    assert read_scenario(alone).events == changes
+    assert read_scenario(mixed).events == (*changes, SignalFault(2.0, Fault("a.y", "freeze", 0.0)))
 
 
 def libcosim(tmp_path: Path, *events: dict[str, Any], **others: Any) -> Path:
@@ -221,6 +234,13 @@ def test_a_broken_event_of_libcosim_is_refused(
     ("text", "message"),
     [
         ("events:\n- {at: -1, set: a.u, value: 1}\n", r":2: events.0.at: .*seconds, 0 or more"),
+        (
+            'events:\n- {"at": -1, "set": "a.u", "value": 1}\n',
+            r":2: events.0.at: .*seconds, 0 or m",
+        ),
+        ('events:\n- {"at": 1, "set": 3, "value": 1}\n', r":2: events.0.set: .*component.variable"),
+        ('events:\n- {"at": 1, "set": "a.u"}\n', ":2: event 1: set without value"),
+        ('events:\n- {"at": 1, "set": "a.u", "val', r":2: .*expected YAML"),
         ("events:\n- {at: 1, set: a.u}\n", ":2: event 1: set without value"),
         ("events:\n- {at: 1, signal: a.y}\n", ":2: event 1: at, signal; expected"),
         ("events:\n- {at: 1, signal: a.y, fault: bais, value: 1}\n", ":2: .*override, bias"),

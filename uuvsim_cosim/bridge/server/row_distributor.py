@@ -68,7 +68,10 @@ class RowDistributor:
 
     def close(self) -> None:
         """Complete the recording."""
-        recorder, self._recorder, self._changes = self._recorder, None, None
+        recorder, changes = self._recorder, self._changes
+        self._recorder = self._changes = None
+        if changes is not None:
+            changes.close()
         if recorder is not None:
             recorder.end()
 

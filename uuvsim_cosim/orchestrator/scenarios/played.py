@@ -65,15 +65,17 @@ class Played(SteppedMaster):
                     self._schedule(single)
             except InputInvalid as error:
                 raise InputInvalid(f"{place}: {error}") from None
+        self._ticks = sorted(self._due, reverse=True)  # the next one is the last
 
     def step(self, n: int = 1) -> None:
         """Make n communication steps, and apply the events that are due between them."""
         end = self._master.tick + n
         while self._master.tick < end:
-            for apply in self._due.pop(self._master.tick, ()):
-                apply()
-            later = [tick for tick in self._due if self._master.tick < tick < end]
-            self._master.step(min([end, *later]) - self._master.tick)
+            while self._ticks and self._ticks[-1] <= self._master.tick:
+                for apply in self._due.pop(self._ticks.pop()):
+                    apply()
+            until = min(end, self._ticks[-1]) if self._ticks else end
+            self._master.step(until - self._master.tick)
 
     def _schedule(self, event: Change | SignalFault) -> None:
         """Note the calls of an event, each by the communication point where it is due."""
