@@ -394,6 +394,30 @@ def test_faults_of_the_dvl_and_the_usbl_reach_the_autopilot_by_mavlink(
     assert fixes[-1].alt == pytest.approx(-7.0)
 
 
+def test_fixes_of_the_systems_gps_reach_the_autopilot_at_the_surface_and_none_below(
+    fake: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.delenv("FAKE", raising=False)
+    folder = tmp_path / "folder"
+    vehicle = uuv.load("bluerov2_hold").set("hull.eta_0", [0.0] * 6).add("gps", "model:gps")
+    for signal in ("eta", "q", "nu"):
+        vehicle = vehicle.connect(f"hull.{signal}", f"gps.{signal}")
+    text = f"ardusub:?navigation=sensors&folder={folder}"
+    vehicle = vehicle.set("gps.r_s", [0.0, 0.0, -0.6])  # a mast: CO lies 0.3 m deep at rest
+    vehicle = with_autopilot(vehicle.remove("guidance"), "controller", text)
+    vehicle = with_binary(vehicle.set("controller.warm_up", 0.0), str(fake))
+    scenario = tmp_path / "dive.yaml"  # the fake one dives when it is armed
+    scenario.write_text("events:\n- {at: 3.5, set: controller.arm, value: true}\n")
+    signals = run(vehicle.set("controller.arm", False), until=8.0, out=tmp_path / "run",
+                  backend="native", scenario=scenario).signals()  # fmt: skip
+    messages = ardupilotmega.MAVLink(None).parse_buffer((folder / "serial.bin").read_bytes())
+    fixes = [m for m in messages if m.get_type() == "GPS_INPUT"]
+    assert [1e-6 * m.time_usec for m in fixes] == pytest.approx([2.0, 3.0], abs=0.01)
+    altitudes = [-signals["gps.position"][np.searchsorted(signals.time, t), 2] for t in (2.5, 3.5)]
+    assert [m.alt for m in fixes] == pytest.approx(altitudes)
+    assert signals["gps.t_sample"][-1] == 3.0
+
+
 @pytest.mark.parametrize("channel", range(1, 9))
 def test_a_fault_on_a_command_of_the_autopilot_reaches_that_thruster_alone(
     fake: Path, tmp_path: Path, channel: int, monkeypatch: pytest.MonkeyPatch

@@ -59,17 +59,23 @@ _PARAMETERS = {
     "RNGFND1_TYPE": 100,  # rng_1 of the JSON interface
     "RNGFND1_ORIENT": 25,  # down
 }
-_AIDED = {  # DVL and USBL by MAVLink instead of the simulated GPS
+_AIDED = {  # DVL, USBL and GPS by MAVLink instead of the simulated GPS
     "GPS1_TYPE": 14,  # MAVLink
     "VISO_TYPE": 1,  # MAVLink
     "SIM_GPS1_ENABLE": 0,
-    "EK3_SRC1_VELXY": 6,  # the DVL; the USBL gives no velocity
+    "EK3_SRC1_VELXY": 6,  # the DVL; fixes give no velocity
     "EK3_SRC1_VELZ": 0,
 }
 _DESCRIPTION = described(
     "ardusub", "ArduSub in lockstep (SITL binary, JSON interface and MAVLink)",
     "mode by ArduSub's number: 0 stabilize, 2 depth hold, 4 guided, 16 position hold, 19 manual",
-    [variable("pwm", "output", [0.0] * 16, "us", "pulse widths of channels 1 to 16")],
+    [
+        variable("gps_position", "input", [0.0] * 3, "m", "of the antenna in NED"),
+        variable("gps_sigma", "input", [1.0] * 3, "m", "deviations of N, E, D"),
+        variable("gps_valid", "input", False, None, "the GPS has a fix", "Boolean"),
+        variable("gps_t_sample", "input", -1.0, "s", "time of the GPS's fix"),
+        variable("pwm", "output", [0.0] * 16, "us", "pulse widths of channels 1 to 16"),
+    ],
 )  # fmt: skip
 _OPTIONS = {
     "binary": "", "instance": "auto", "timeout": "10", "folder": "", "parameters": "",
@@ -84,7 +90,7 @@ def source(text: str, base: Path) -> AutopilotSource:
     number, by which all its ports are raised by 10; `auto` takes the first free one. `timeout` [s]:
     longest wait for a packet. `folder`: a new folder for its logs, by default a temporary one.
     `parameters`: a file of ArduPilot's parameters. `navigation`: `gps` (simulated by the binary, at
-    any depth) or `sensors` (DVL and USBL of the system, by MAVLink).
+    any depth) or `sensors` (DVL, USBL and GPS of the system, by MAVLink).
     """
     options = read_options(text, base, _OPTIONS, ["timeout"], ["binary", "folder", "parameters"])
     if options["navigation"] not in ("gps", "sensors"):
@@ -171,7 +177,7 @@ class ArduSub(Autopilot[JsonLink]):
             self._send_aiding(timestamp, t)
 
     def _send_aiding(self, timestamp: float, t: float | None) -> None:
-        """Send readings of DVL and USBL that are new; at rest before the start, the first pose."""
+        """Send new readings of DVL, USBL and GPS; at rest before the start, the first pose."""
         of, sent, commands = self._input, self._sent, self._commands
         assert commands is not None
         if t is None:
@@ -181,10 +187,13 @@ class ArduSub(Autopilot[JsonLink]):
                 d = lowered(d, timestamp / warm_up, warm_up)[0]
                 commands.fix(timestamp, (n, e, d), 0.5)
             return
-        (t_usbl,), (t_dvl,) = of("usbl_t_sample"), of("dvl_t_sample")
-        if of("usbl_valid")[0] and sent.get("usbl_t") != t_usbl:
-            sent["usbl_t"] = t_usbl
-            commands.fix(timestamp, of("usbl_position"), math.hypot(*of("usbl_sigma")[:2]))
+        for sensor in ("usbl", "gps"):
+            (t_sample,) = of(f"{sensor}_t_sample")
+            if of(f"{sensor}_valid")[0] and sent.get(f"{sensor}_t") != t_sample:
+                sent[f"{sensor}_t"] = t_sample
+                sigma = math.hypot(*of(f"{sensor}_sigma")[:2])
+                commands.fix(timestamp, of(f"{sensor}_position"), sigma)
+        (t_dvl,) = of("dvl_t_sample")
         if of("dvl_valid")[0] and sent.get("dvl_t", -1.0) != t_dvl:
             R = np.array(rotation(of("q")))
             before, period = sent.get("dvl_R"), t_dvl - sent.get("dvl_t", -1.0)

@@ -121,7 +121,7 @@ class AutopilotCommands:
         )
 
     def fix(self, time: float, position: Sequence[float], sigma: float) -> None:
-        """Send a position N, E, D [m] with its standard deviation [m] as a GPS's (USBL)."""
+        """Send a position N, E, D [m] with its standard deviation [m] as a GPS's."""
         n, e, d = position
         latitude = HOME[0] + math.degrees(n / _RADIUS)
         longitude = HOME[1] + math.degrees(e / _RADIUS / math.cos(math.radians(HOME[0])))

@@ -18,6 +18,8 @@ _MEASURED = {  # outputs of sensors, by component, and inputs of the autopilot
     "dvl": {"velocity": "dvl_velocity", "valid": "dvl_valid", "t_sample": "dvl_t_sample"},
     "usbl": {"position": "usbl_position", "sigma": "usbl_sigma", "valid": "usbl_valid",
              "t_sample": "usbl_t_sample"},
+    "gps": {"position": "gps_position", "sigma": "gps_sigma", "valid": "gps_valid",
+            "t_sample": "gps_t_sample"},
     "altimeter": {"altitude": "altitude"},
     "battery": {"voltage": "voltage"},
     "wrench": {"current_total": "current"},
@@ -76,9 +78,12 @@ def with_autopilot(system: System, name: str, source: str = "ardusub:") -> Syste
         system = system.connect(f"{hull}.{signal}", f"{name}.{signal}")
     for i, target in ends:
         system = system.connect(f"{name}.u[{i + 1}]", target)
+    reads = system.describe(name).variables
     for sensor, readings in _MEASURED.items():
         if sensor in system.components:
             for output, input_ in readings.items():
+                if input_ not in reads:
+                    continue  # PX4 gets the true position at the surface
                 system = system.connect(f"{sensor}.{output}", f"{name}.{input_}")
     for output, target in wanted:
         system = system.connect(output, f"{name}.{target}")
