@@ -22,21 +22,19 @@ from typing import final
 import numpy as np
 
 from uuvsim_cosim.bridge.autopilots.commands import GUIDED, AutopilotCommands
-from uuvsim_cosim.bridge.autopilots.component import (
-    Autopilot,
-    AutopilotSource,
-    described,
-    lowered,
-    read_options,
-    rotation,
-    variable,
-)
+from uuvsim_cosim.bridge.autopilots.component import Autopilot, lowered, rotation
 from uuvsim_cosim.bridge.autopilots.json_interface import JsonLink, ServoPacket, state_line
 from uuvsim_cosim.bridge.autopilots.sitl_process import (
     HOME,
     MAVLINK_PORT,
     SitlProcess,
     ardusub_binary,
+)
+from uuvsim_cosim.bridge.autopilots.sources import (
+    AutopilotSource,
+    described,
+    read_options,
+    variable,
 )
 from uuvsim_cosim.errors import InputInvalid
 

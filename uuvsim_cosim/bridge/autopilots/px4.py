@@ -21,18 +21,16 @@ from typing import final
 import numpy as np
 
 from uuvsim_cosim.bridge.autopilots.commands import AutopilotCommands
-from uuvsim_cosim.bridge.autopilots.component import (
-    RATE,
-    Autopilot,
+from uuvsim_cosim.bridge.autopilots.component import RATE, Autopilot, Motion
+from uuvsim_cosim.bridge.autopilots.hil_interface import FIRST, Controls, HilLink
+from uuvsim_cosim.bridge.autopilots.json_interface import AutopilotLost
+from uuvsim_cosim.bridge.autopilots.sitl_process import HOME, SitlProcess, px4_build
+from uuvsim_cosim.bridge.autopilots.sources import (
     AutopilotSource,
-    Motion,
     described,
     read_options,
     variable,
 )
-from uuvsim_cosim.bridge.autopilots.hil_interface import FIRST, Controls, HilLink
-from uuvsim_cosim.bridge.autopilots.json_interface import AutopilotLost
-from uuvsim_cosim.bridge.autopilots.sitl_process import HOME, SitlProcess, px4_build
 from uuvsim_cosim.errors import InputInvalid
 
 __all__ = ["PX4", "source", "thruster_commands"]
