@@ -11,7 +11,7 @@ sys.path.insert(0, str(Path(__file__).parent / "extensions"))
 project = "uuvsim-cosim"
 author = "The uuvsim-cosim maintainers"
 release = version = __version__
-extensions = ["myst_nb", "sphinx.ext.autodoc", "reference_pages", "gallery"]
+extensions = ["myst_nb", "sphinx.ext.autodoc", "reference_pages", "gallery", "live"]
 autodoc_typehints_format = "short"
 autodoc_type_aliases = {"ArrayLike": "ArrayLike", "Array": "NDArray"}
 maximum_signature_line_length = 88

@@ -1,8 +1,9 @@
 """Pages of the components: each is generated from the component's declaration.
 
-A page has the text of the declaration, its equations where they are short enough to be read, tables
-of variables, the parameters of a vehicle or of instruments with their sources, a plot of the
-reference response in ``fmus/components/``, and the commands that build and run its FMU.
+A page has the text of the declaration, a live response (`live.py`), its equations where they are
+short enough to be read, tables of variables, the parameters of a vehicle or of instruments with
+their sources, a plot of the reference response in ``fmus/components/``, and the commands that build
+and run its FMU.
 """
 
 from __future__ import annotations
@@ -87,6 +88,8 @@ def page(name: str, model: Any) -> str:
         f"# {name}",
         model.description + ".",
         f"Declared by `{function.__name__}` in `{file}`.",
+        "## Live response",
+        f"```{{live-component}} {name}\n```",
         "## Description",
         as_markdown(inspect.getdoc(module) or ""),
         as_markdown(inspect.getdoc(function) or ""),
