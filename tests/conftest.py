@@ -31,7 +31,13 @@ os.environ["UUVSIM_TOKENS"] = TOKENS.name
 
 FOREIGN = Path(__file__).parent / "fmus" / "foreign"
 FIRST_ORDER = {v: FOREIGN / f"first_order_fmi{v}.xml" for v in (2, 3)}
+SOURCES_LIST = (
+    '<fmiBuildDescription fmiVersion="3.0"><BuildConfiguration modelIdentifier="{name}">'
+    '<SourceFileSet language="C99"><SourceFile name="{file}"/></SourceFileSet>'
+    "</BuildConfiguration></fmiBuildDescription>"
+)
 CFmu = Callable[..., Path]
+SourceFmu = Callable[..., Path]
 Start = Callable[..., "subprocess.Popen[Any]"]
 Uuvsim = Callable[..., tuple[int, str, str]]
 WATCH = Watch()
@@ -160,6 +166,37 @@ def hostile(tmp_path_factory: pytest.TempPathFactory) -> Path:
         f"binaries/{host().fmi3}/hostile{host().suffix}": library.read_bytes(),
     }
     return write_archive(tmp_path_factory.mktemp("hostile") / "hostile.fmu", members)
+
+
+@pytest.fixture(scope="session")
+def source_fmu(tmp_path_factory: pytest.TempPathFactory) -> SourceFmu:
+    """Pack a C file of tests/fmus/foreign as an FMU: ``source_fmu("ball_fmi2.c")``."""
+    folder = tmp_path_factory.mktemp("source_fmus")
+
+    def pack(file: str, name: str = "", xml: str = "", code: bytes = b"") -> Path:
+        stem = file.removesuffix(".c")
+        name = name or stem.rpartition("_")[0]
+        description = (FOREIGN / (xml or f"{stem}.xml")).read_text()
+        members = {f"sources/{file}": code or (FOREIGN / file).read_bytes()}
+        members |= {f"sources/{h.name}": h.read_bytes() for h in FOREIGN.glob("*.h")}
+        if 'fmiVersion="2.0"' in description:
+            kind = "CoSimulation" if "<CoSimulation " in description else "ModelExchange"
+            end = description.index("/>", description.index(f"<{kind} "))
+            listed = f'><SourceFiles><File name="{file}"/></SourceFiles></{kind}>'
+            description = description[:end] + listed + description[end + 2 :]
+        else:
+            build = SOURCES_LIST.format(name=name, file=file)
+            members["sources/buildDescription.xml"] = build.encode()
+        members["modelDescription.xml"] = description.encode()
+        return write_archive(folder / f"{stem}.fmu", members)
+
+    return pack
+
+
+@pytest.fixture(scope="session")
+def runaway(source_fmu: SourceFmu) -> Path:
+    """An FMU in plain C that does what a sandbox must survive, by its parameter `act`."""
+    return source_fmu("runaway_fmi3.c", name="hostile", xml="hostile_fmi3.xml")
 
 
 @pytest.fixture(scope="session")

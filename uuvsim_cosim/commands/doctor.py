@@ -26,6 +26,7 @@ EXTRAS = {
     "mavlink": "ArduSub or PX4 as a component, `--mavlink`, and its logs in `uuvsim identify`",
     "ros": "`--ros2` of `uuvsim serve` and `uuvsim export`",
     "foxglove": "`--foxglove` of `uuvsim serve`",
+    "sandbox": "`--isolate wasm`",
     "data": "`run.to_pandas()`, `run.to_xarray()`",
     "distributed": "`--ray`",
     "security": "`uuvsim access certificates`",

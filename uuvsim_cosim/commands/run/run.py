@@ -112,7 +112,8 @@ def run_command(
     isolate: Annotated[
         list[str] | None,
         typer.Option(
-            autocompletion=components, help="Component to run in a separate process; * for all."
+            autocompletion=components,
+            help="Component to run in a separate process, * for all; C=wasm: as WebAssembly.",
         ),
     ] = None,
     watchdog: Annotated[

@@ -245,13 +245,15 @@ def compile_shared(
     return library
 
 
-def compile_web_assembly(sources: Sequence[Path], *, name: str, include: Sequence[Path]) -> Path:
+def compile_web_assembly(
+    sources: Sequence[Path], *, name: str, include: Sequence[Path], flags: Sequence[str] = ()
+) -> Path:
     """Compile C files into one WebAssembly module in the cache; return its path.
 
-    It imports nothing. Only zig compiles it, whatever ``CC`` is. Raises ToolchainError.
+    Only zig compiles it, whatever ``CC`` is. Raises ToolchainError.
     """
     command, identity = zig_compiler()
-    arguments = ["-target", "wasm32-wasi", *FLAGS, "-mexec-model=reactor", "-s"]
+    arguments = ["-target", "wasm32-wasi", *FLAGS, *flags, "-mexec-model=reactor", "-s"]
     headers = [h for folder in include for h in sorted(folder.glob("*.h"))]
     key = content_hash(
         [name, identity, *arguments, *(f.name for f in sources)]

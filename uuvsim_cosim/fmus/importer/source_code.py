@@ -13,7 +13,7 @@ from uuvsim_cosim.errors import FmuError, ToolchainError
 from uuvsim_cosim.fmus.codegen.toolchain import compile_shared, fmi_headers, host
 from uuvsim_cosim.fmus.importer.safe_xml import read_xml
 
-__all__ = ["Sources", "compiled", "read_sources"]
+__all__ = ["Compilation", "Sources", "compilation_of", "compiled", "read_sources"]
 
 # GNU's C, all functions visible under their plain names, at most -O2, no instructions of this
 # machine's processor only, and no library but libm.
@@ -64,6 +64,41 @@ def read_sources(folder: Path, interface: Element, identifier: str, place: str) 
     return None
 
 
+@dataclass(frozen=True)
+class Compilation:
+    """Arguments of a compiler: C files, folders of headers, and options."""
+
+    files: list[Path]
+    includes: list[Path]
+    flags: list[str]
+
+
+def compilation_of(archive: Path, folder: Path, sources: Sources) -> Compilation:
+    """Return the arguments for an unpacked FMU's sources; raises FmuError if not plain C."""
+    root = folder / "sources"
+    if sources.libraries:
+        raise FmuError(
+            archive,
+            f"its sources need the library {', '.join(sources.libraries)}",
+            f"none but C's own, or a binary for {host().fmi2}",
+        )
+    files = [_inside(root, name, archive) for name in sources.files]
+    foreign = [f.name for f in files if f.suffix.lower() != ".c"]
+    if foreign:
+        raise FmuError(
+            archive,
+            f"its source {foreign[0]} is not C",
+            f".c files, or a binary for {host().fmi2}",
+        )
+    includes = [root, *(_inside(root, name, archive) for name in sources.includes)]
+    includes.append(fmi_headers())  # for sources without their own
+    # Sources include each other: the key of the cache depends on all files in the folder.
+    every = sorted(f for f in root.rglob("*") if f.is_file())
+    key = content_hash([str(f.relative_to(root)) for f in every] + [f.read_bytes() for f in every])
+    flags = [*_FLAGS, *(f"-D{d}" for d in sources.definitions), f"-DUUVSIM_SOURCES={key}"]
+    return Compilation(files, includes, flags)
+
+
 def compiled(archive: Path, folder: Path, identifier: str, sources: Sources) -> Path:
     """Return the library of an FMU's sources, beside the unpacked files; compiled if missing.
 
@@ -73,29 +108,11 @@ def compiled(archive: Path, folder: Path, identifier: str, sources: Sources) -> 
     library = folder / "compiled" / machine.fmi2 / f"{identifier}{machine.suffix}"
     if library.is_file():
         return library
-    root = folder / "sources"
-    if sources.libraries:
-        raise FmuError(
-            archive,
-            f"its sources need the library {', '.join(sources.libraries)}",
-            f"none but C's own, or a binary for {machine.fmi2}",
-        )
-    files = [_inside(root, name, archive) for name in sources.files]
-    foreign = [f.name for f in files if f.suffix.lower() != ".c"]
-    if foreign:
-        raise FmuError(
-            archive,
-            f"its source {foreign[0]} is not C",
-            f".c files, or a binary for {machine.fmi2}",
-        )
-    includes = [root, *(_inside(root, name, archive) for name in sources.includes)]
-    includes.append(fmi_headers())  # for sources without their own
-    # Sources include each other: the key of the cache depends on all files in the folder.
-    every = sorted(f for f in root.rglob("*") if f.is_file())
-    key = content_hash([str(f.relative_to(root)) for f in every] + [f.read_bytes() for f in every])
-    flags = [*_FLAGS, *(f"-D{d}" for d in sources.definitions), f"-DUUVSIM_SOURCES={key}"]
+    given = compilation_of(archive, folder, sources)
     try:
-        made = compile_shared(files, name=identifier, include=includes, flags=flags)
+        made = compile_shared(
+            given.files, name=identifier, include=given.includes, flags=given.flags
+        )
     except ToolchainError as error:
         raise FmuError(
             f"{archive}: has no binary for {machine.fmi2}, and its sources do not compile: {error}"

@@ -19,7 +19,7 @@ from uuvsim_cosim.fmus.isolation.guard import guard_library
 from uuvsim_cosim.fmus.isolation.isolated import Isolated
 from uuvsim_cosim.fmus.model_exchange.component import ModelExchange
 
-__all__ = ["instantiate_fmu", "needs_own_process"]
+__all__ = ["instantiate_fmu", "instantiate_isolated", "needs_own_process"]
 
 
 def instantiate_fmu(
@@ -54,23 +54,44 @@ def instantiate_fmu(
     >>> battery.free()
     """
     archive = fmu if isinstance(fmu, FmuArchive) else read_fmu(fmu)
-    library_of(archive)  # compile sources here, as the watchdog would not wait for the compiler
-    if isolate or needs_own_process(archive):
-        granted = Grants.of(grants)
-        rules = rules_of(granted, archive.folder) if isolate and not granted.all else None
-        if rules is not None:  # the child cannot compile
-            guard_library()
-            logger_library()
+    if isolate:
+        return instantiate_isolated(
+            archive, path, watchdog=watchdog, logging_on=logging_on, grants=grants, wait=wait
+        )
+    library_of(archive)
+    if needs_own_process(archive):
+        arguments = (archive, path, logging_on)
         return Isolated(
-            path,
-            archive.description,
-            instantiate_here,
-            (archive, path, logging_on),
-            watchdog=watchdog,
-            wait=wait,
-            rules=rules,
+            path, archive.description, instantiate_here, arguments, watchdog=watchdog, wait=wait
         )
     return instantiate_here(archive, path, logging_on)
+
+
+def instantiate_isolated(
+    archive: FmuArchive,
+    path: str,
+    *,
+    watchdog: float | None = None,
+    logging_on: bool = True,
+    grants: Iterable[str] = (),
+    wait: bool = True,
+) -> Isolated:
+    """Instantiate an FMU in a process that is a sandbox; see `instantiate_fmu`."""
+    library_of(archive)  # compile sources here, as the watchdog would not wait for the compiler
+    granted = Grants.of(grants)
+    rules = None if granted.all else rules_of(granted, archive.folder)
+    if rules is not None:  # the child cannot compile
+        guard_library()
+        logger_library()
+    return Isolated(
+        path,
+        archive.description,
+        instantiate_here,
+        (archive, path, logging_on),
+        watchdog=watchdog,
+        wait=wait,
+        rules=rules,
+    )
 
 
 def instantiate_here(archive: FmuArchive, path: str, logging_on: bool = True) -> Component:

@@ -13,6 +13,7 @@ from uuvsim_cosim.fmus.isolation.grants import Grants
 from uuvsim_cosim.fmus.isolation.isolated import Isolated
 from uuvsim_cosim.models.declaration.near_names import expected_names
 from uuvsim_cosim.notebook_bar import Progress
+from uuvsim_cosim.orchestrator.master.isolation import Isolation, isolations
 from uuvsim_cosim.orchestrator.plan.plan import Plan, PlannedComponent
 from uuvsim_cosim.orchestrator.system.resolve import resolve
 from uuvsim_cosim.orchestrator.system.sources import Backend, FmuSource, ModelSource
@@ -39,8 +40,9 @@ def prepare(
     ``progress("building", done, total)`` is called after each. The components that `isolate`
     names by path (or all, by "*") get a process of their own, which fails if it does not answer
     within `watchdog` seconds. An isolated FMU is in a sandbox, to which `grants` by path, such as
-    ``{"controller": ["files:/data"]}`` (or by "*"), are exceptions. FMUs write their calls into
-    `trace`. Raises ToolchainError, InputInvalid.
+    ``{"controller": ["files:/data"]}`` (or by "*"), are exceptions. ``path=wasm``, or "wasm" for
+    all, runs FMUs as WebAssembly in this process instead (see `isolations`). FMUs write their calls
+    into `trace`. Raises ToolchainError, InputInvalid.
 
     Example:
 
@@ -53,14 +55,10 @@ def prepare(
     16.8 V
     """
     paths = [c.path for c in plan.components]
-    for path in isolate:
-        if path not in paths and path != "*":
-            raise InputInvalid(
-                "isolate", f"no component {path!r}", f"{expected_names(path, paths)}, or * for all"
-            )
+    isolated = isolations(isolate, paths)
     granted = grants or {}
     for path, texts in granted.items():
-        _expect_sandbox(path, plan, isolate, backend)
+        _expect_sandbox(path, plan, isolated, backend)
         Grants.of(texts, f"grants {path}")
     declared = {c.source for c in plan.components if c.source.startswith("model:")}
     built: dict[str, Path] = {}
@@ -83,12 +81,26 @@ def prepare(
         source = resolve(text)
         if trace is not None and isinstance(source, FmuSource):
             return source.traced(planned.path, trace)
-        isolates = planned.path in isolate or "*" in isolate
-        if isolates and isinstance(source, FmuSource):
-            texts = (*granted.get("*", ()), *granted.get(planned.path, ()))
-            return source.isolated(planned.path, watchdog, texts)
-        if isolates:
-            return Isolated(
+        way = isolated.get(planned.path)
+        if way is None:
+            return source.instantiate(planned.path, backend=backend)
+        texts = (*granted.get("*", ()), *granted.get(planned.path, ()))
+        if way != "process":
+            if isinstance(source, ModelSource):
+                source = FmuSource(source.fmu())
+            if isinstance(source, FmuSource) and (way == "wasm" or source.can_be_sandboxed()):
+                return source.sandboxed(planned.path, watchdog, texts)
+            if way == "wasm":
+                raise InputInvalid(
+                    f"isolate {planned.path}=wasm",
+                    f"a component of the kind {source.kind}",
+                    "an FMU",
+                )
+        made: Isolated
+        if isinstance(source, FmuSource):
+            made = source.isolated(planned.path, watchdog, texts)
+        else:
+            made = Isolated(
                 planned.path,
                 source.describe(),
                 instance_of,
@@ -96,21 +108,28 @@ def prepare(
                 watchdog=watchdog,
                 wait=False,
             )
-        return source.instantiate(planned.path, backend=backend)
+        if way == "preferred":
+            what = "an FMU without C sources" if isinstance(source, FmuSource) else source.kind
+            made.lacking.append(
+                f"{planned.path} ({what}) is no WebAssembly: it has its own process"
+            )
+        return made
 
     return instantiate
 
 
-def _expect_sandbox(path: str, plan: Plan, isolate: Collection[str], backend: Backend) -> None:
+def _expect_sandbox(
+    path: str, plan: Plan, isolated: Mapping[str, Isolation], backend: Backend
+) -> None:
     """Raise InputInvalid for a grant to a component that has no sandbox: it would do nothing."""
-    if path not in isolate and "*" not in isolate:
-        expected = f"a component of isolate: {', '.join(isolate) or 'there is none'}"
-        raise InputInvalid("grants", f"{path!r} is not isolated", expected)
-    if path == "*":
-        return
     sources = {c.path: c.source for c in plan.components}
-    if path not in sources:
+    if path not in sources and path != "*" and isolated.keys() == sources.keys():
         raise InputInvalid("grants", f"no component {path!r}", expected_names(path, sources))
+    if path not in isolated and not (path == "*" and isolated):
+        expected = f"a component of isolate: {', '.join(isolated) or 'there is none'}"
+        raise InputInvalid("grants", f"{path!r} is not isolated", expected)
+    if path == "*" or isolated[path] != "process":
+        return
     source = resolve(sources[path])
     if not isinstance(source, FmuSource) and not (
         isinstance(source, ModelSource) and backend == "fmu"

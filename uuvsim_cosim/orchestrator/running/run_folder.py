@@ -19,6 +19,7 @@ from uuvsim_cosim._version import __version__
 from uuvsim_cosim.cache import write_whole
 from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.fmus.resources import refuse_unless_it_fits
+from uuvsim_cosim.orchestrator.master.isolation import isolations
 from uuvsim_cosim.orchestrator.plan.algebraic_loops import hops_of
 from uuvsim_cosim.orchestrator.plan.loop_delays import loop_delays
 from uuvsim_cosim.orchestrator.plan.plan import Plan
@@ -118,7 +119,8 @@ def refuse_too_large(
     plan: Plan, backend: Backend, isolate: Collection[str], folder: Path, rows: float
 ) -> None:
     """Raise InputInvalid if a run does not fit in memory, or its `rows` on the disk of `folder`."""
-    separate = [c for c in plan.components if c.path in isolate or "*" in isolate]
+    isolated = isolations(isolate, [c.path for c in plan.components])
+    separate = [path for path, way in isolated.items() if way == "process"]
     refuse_unless_it_fits(
         "isolate",
         f"{len(separate)} components in separate processes",
