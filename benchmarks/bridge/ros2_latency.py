@@ -1,15 +1,17 @@
 """What a ROS 2 node costs the stepping loop, and how late its messages are beside plain Zenoh.
 
-A source of 30 topics steps at 1 kHz in real time: an IMU with a message for each step, and 29
-topics at 50 Hz. A subscriber in another process takes all of them in every other window of the same
-run. Latency is the time from the end of a step to the subscriber's callback. Plain Zenoh is one
-message of the size of an IMU's, which the stepping thread puts itself after each step. Run it on an
-idle machine: `python benchmarks/bridge/ros2_latency.py`.
+A system with 30 topics steps at 1 kHz in real time: an IMU with a message for each step, a cloud of
+100,000 points at 10 Hz, and 28 topics at 50 Hz. A subscriber in another process takes all of them
+in every third window of the same run. Latency is the time from the end of a step to the
+subscriber's callback. Plain Zenoh is one message of the size of an IMU's, and one of the size of a
+cloud, which the stepping thread puts itself. Run it on an idle machine:
+`python benchmarks/bridge/ros2_latency.py`.
 """
 
 from __future__ import annotations
 
 import argparse
+import contextlib
 import json
 import statistics
 import struct
@@ -33,6 +35,7 @@ from uuvsim_cosim.models.declaration.model import Model
 from uuvsim_cosim.orchestrator.system import resolve
 
 TOPICS, RATE = 30, 50.0
+POINTS, EVERY = 100_000, 100  # points of a cloud, and steps from cloud to cloud
 SIZE = 328  # bytes of a sensor_msgs/msg/Imu with this frame
 ME = Client("benchmark", "local")
 
@@ -42,24 +45,49 @@ config = zenoh.Config()
 config.insert_json5("mode", '"client"')
 config.insert_json5("connect/endpoints", json.dumps(["tcp/127.0.0.1:" + sys.argv[1]]))
 config.insert_json5("scouting/multicast/enabled", "false")
-ros, plain, others = [], [], [0]
-def imu(sample):
-    sec, nanosec = struct.unpack_from("<iI", sample.payload.to_bytes(), 4)
-    ros.append((round(sec * 1000 + nanosec / 1e6), time.time_ns()))
+ros, clouds, plain, plain_clouds, others = [], [], [], [], [0]
+def stamped(found):
+    def hear(sample):
+        now = time.time_ns()
+        sec, nanosec = struct.unpack_from("<iI", sample.payload.to_bytes(), 4)
+        found.append((round(sec * 1000 + nanosec / 1e6), now))
+    return hear
+def numbered(found):
+    def hear(sample):
+        now = time.time_ns()
+        found.append((struct.unpack_from("<q", sample.payload.to_bytes())[0], now))
+    return hear
 def other(sample):
     others[0] += 1
 with zenoh.open(config) as session:
-    kept = [session.declare_subscriber("0/imu/**", imu),
+    kept = [session.declare_subscriber("0/imu/**", stamped(ros)),
+            session.declare_subscriber("0/clouds/**", stamped(clouds)),
             session.declare_subscriber("0/numbers/**", other),
-            session.declare_subscriber("plain", lambda s: plain.append(
-                (struct.unpack_from("<q", s.payload.to_bytes())[0], time.time_ns())))]
+            session.declare_subscriber("plain", numbered(plain)),
+            session.declare_subscriber("plain_clouds", numbered(plain_clouds))]
     sys.stdin.readline()
-print(json.dumps([ros, plain, others[0]]))
+print(json.dumps([ros, plain, clouds, plain_clouds, others[0]]))
+"""
+
+# The test source of clouds: a sonar whose parameters are the directions of its beams.
+CLOUDS = f"""
+import numpy as np
+N = {POINTS}
+class Clouds:
+    inputs = {{}}
+    outputs = {{"range": (N, "m")}}
+    parameters = {{"tilt": (np.linspace(0.0, 1.0, N), "rad"),
+                  "azimuth": (np.linspace(0.0, 99.0, N), "rad"),
+                  "r_s": (np.zeros(3), "m"), "Theta_s": (np.zeros(3), "rad")}}
+    n = 0
+    def step(self, t, dt, u):
+        self.n += 1
+        return {{"range": np.full(N, 1.0 + self.n % 10)}}
 """
 
 
 class Source:
-    """The source `imu:` (angular velocity, acceleration) or `numbers:` (29 vectors)."""
+    """The source `imu:` (angular velocity, acceleration) or `numbers:` (28 vectors)."""
 
     kind = "model"
 
@@ -75,7 +103,7 @@ class Source:
             m.output("gyro", casadi.vertcat(x, x, x), unit="rad/s")
             m.output("acc", casadi.vertcat(x, x, x), unit="m/s2")
         else:
-            for i in range(TOPICS - 1):
+            for i in range(TOPICS - 2):
                 m.output(f"y{i}", casadi.vertcat(x, x * i), unit="1")
         return m
 
@@ -88,12 +116,29 @@ class Source:
         return Native(self.declare(), path)
 
 
+class StepTimes:
+    """Observer: CPU time of the stepping thread [s], and the steps."""
+
+    cpu, tick = 0.0, 0
+
+    def begin(self, plan: Any, columns: Any) -> None:
+        """Do nothing."""
+
+    def observe(self, chunk: Any) -> None:
+        """Note the thread's CPU time."""
+        self.cpu, self.tick = time.thread_time(), int(chunk.ticks[-1])
+
+    def end(self) -> None:
+        """Do nothing."""
+
+
 class Stamps:
-    """Observer: the time of day at the end of each step, and a message by plain Zenoh."""
+    """Observer: the time of day at the end of each step, and messages by plain Zenoh."""
 
     def __init__(self, port: int) -> None:
         self.session = connecting("127.0.0.1", port)
         self._publisher = self.session.publisher("plain")
+        self._clouds = self.session.publisher("plain_clouds")
         self.times: dict[int, int] = {}
 
     def begin(self, plan: Any, columns: Any) -> None:
@@ -104,6 +149,8 @@ class Stamps:
         for tick in chunk.ticks.tolist():
             self.times[tick] = time.time_ns()
             self._publisher.put(struct.pack("<q", tick) + bytes(SIZE - 8))
+            if tick % EVERY == EVERY // 2:  # not at the time of a ROS cloud
+                self._clouds.put(struct.pack("<q", tick) + bytes(12 * POINTS - 8))
 
     def end(self) -> None:
         """Do nothing."""
@@ -112,8 +159,11 @@ class Stamps:
 def topics(folder: Path) -> Path:
     """Write the file of topics."""
     lines = ["topics:", "  - topic: /imu/data_raw", "    type: sensor_msgs/msg/Imu",
-             "    frame: imu_link", "    signals: {gyro: imu.gyro, acc: imu.acc}"]  # fmt: skip
-    for i in range(TOPICS - 1):
+             "    frame: imu_link", "    signals: {gyro: imu.gyro, acc: imu.acc}",
+             "  - topic: /clouds/points", "    type: sensor_msgs/msg/PointCloud2",
+             "    frame: sonar_link", f"    rate: {1000 / EVERY:g}",
+             "    signals: {range: clouds.range}"]  # fmt: skip
+    for i in range(TOPICS - 2):
         lines += [f"  - topic: /numbers/y{i}", "    type: std_msgs/msg/Float64MultiArray",
                   f"    rate: {RATE:g}", f"    signals: {{data: numbers.y{i}}}"]  # fmt: skip
     file = folder / "topics.yaml"
@@ -121,17 +171,18 @@ def topics(folder: Path) -> Path:
     return file
 
 
-def window(conductor: Conductor, seconds: float) -> tuple[float, int]:
-    """Return the wall time of the loop per step [us], and the overruns, in a window."""
+def window(conductor: Conductor, steps: StepTimes, seconds: float) -> tuple[float, float, int]:
+    """Return wall time and CPU time of the loop per step [us], and the overruns, in a window."""
 
-    def now() -> tuple[float, int, int]:
+    def now() -> tuple[float, float, int, int]:
         told = conductor.describe()
-        return told["busy"], told["overruns"], conductor.moment().tick
+        return told["busy"], steps.cpu, steps.tick, told["overruns"]
 
-    busy, overruns, tick = now()
+    busy, cpu, tick, overruns = now()
     time.sleep(seconds)
     after = now()
-    return 1e6 * (after[0] - busy) / (after[2] - tick), after[1] - overruns
+    n = (after[2] - tick) / 1e6
+    return (after[0] - busy) / n, (after[1] - cpu) / n, after[3] - overruns
 
 
 def taking(port: int) -> subprocess.Popen[str]:
@@ -143,8 +194,8 @@ def taking(port: int) -> subprocess.Popen[str]:
 
 
 def quantiles(found: list[tuple[int, int]], times: dict[int, int]) -> tuple[float, float]:
-    """Return the median and the 99th percentile of the latency [ms]."""
-    late = sorted((at - times[tick]) / 1e6 for tick, at in found if tick in times)
+    """Return the median and the 99th percentile of the latency [ms]; NaN without a message."""
+    late = sorted((at - times[tick]) / 1e6 for tick, at in found if tick in times) or [float("nan")]
     return late[len(late) // 2], late[len(late) * 99 // 100]
 
 
@@ -155,12 +206,17 @@ def main() -> None:
     options = parser.parse_args()
     for text in ("imu", "numbers"):
         resolve.register(text, lambda text, base: Source(text))
-    system = uuv.System("bench", "0.001").add("imu", "imu:").add("numbers", "numbers:")
-    steps: dict[str, list[float]] = {"without a node": [], "without a subscriber": [],
-                                     "30 topics taken": []}  # fmt: skip
+    steps: dict[str, list[tuple[float, float]]] = {
+        "without a node": [], "without a subscriber": [], "30 topics taken": []}  # fmt: skip
     over = dict.fromkeys(steps, 0)
-    with tempfile.TemporaryDirectory() as folder, Conductor(system) as conductor:
+    with tempfile.TemporaryDirectory() as folder, contextlib.ExitStack() as opened:
+        source = Path(folder) / "clouds.py"
+        source.write_text(CLOUDS)
+        system = (uuv.System("bench", "0.001").add("imu", "imu:").add("numbers", "numbers:")
+                  .add("clouds", f"{source}:Clouds", rate=f"{EVERY / 1000:g}"))  # fmt: skip
+        conductor = opened.enter_context(Conductor(system))
         file, port = topics(Path(folder)), free_port("127.0.0.1")
+        conductor.watch(times := StepTimes())
         conductor.run(ME, factor=1.0)
         for _ in range(options.windows):
             node = None
@@ -171,30 +227,39 @@ def main() -> None:
                 if kind == "30 topics taken":
                     taker = taking(port)
                     time.sleep(1.0)
-                us, overruns = window(conductor, options.seconds)
-                found.append(us)
+                wall, cpu, overruns = window(conductor, times, options.seconds)
+                found.append((wall, cpu))
                 over[kind] += overruns
                 if taker is not None:
                     taker.communicate("\n")
             assert node is not None
             node.close()
         for kind, found in steps.items():
-            print(f"{kind}: {min(found):.1f} to {max(found):.1f} us a step, median "
-                  f"{statistics.median(found):.1f}, {over[kind]} overruns")  # fmt: skip
-        alone, taken = (statistics.median(steps[k]) for k in ("without a node", "30 topics taken"))
-        print(f"the node takes {(taken - alone) / 1e3:.1%} of a period of 1 ms")
+            wall, cpu = (sorted(column) for column in zip(*found, strict=True))
+            print(f"{kind}: {wall[0]:.1f} to {wall[-1]:.1f} us a step, median "
+                  f"{statistics.median(wall):.1f}; CPU time {statistics.median(cpu):.1f} us; "
+                  f"{over[kind]} overruns")  # fmt: skip
+        alone, taken = (
+            [statistics.median(column) for column in zip(*steps[kind], strict=True)]
+            for kind in ("without a node", "30 topics taken")
+        )
+        share, of_cpu = ((b - a) / 1e3 for a, b in zip(alone, taken, strict=True))
+        print(f"the node takes {share:.1%} of a period of 1 ms; CPU time {of_cpu:.1%}")
         with Ros2Node(conductor, topics=file, port=port, domain=0):
             stamps = Stamps(port)
             conductor.watch(stamps)
             for _ in range(options.windows):
                 taker = taking(port)
                 time.sleep(1.0 + options.seconds)
-                ros, plain, others = json.loads(taker.communicate("\n")[0])
-                (p50, p99), (plain50, plain99) = (quantiles(f, stamps.times) for f in (ros, plain))
-                print(f"latency: ROS 2 p50 {p50:.2f} ms, p99 {p99:.2f} ms; plain Zenoh p50 "
-                      f"{plain50:.2f} ms, p99 {plain99:.2f} ms; ratio {p50 / plain50:.2f}, "
-                      f"{p99 / plain99:.2f}; {len(ros)} and {len(plain)} of the IMU, {others} of "
-                      "29 other topics")  # fmt: skip
+                ros, plain, clouds, plain_clouds, others = json.loads(taker.communicate("\n")[0])
+                for kind, own, beside in (("IMU", ros, plain), ("clouds", clouds, plain_clouds)):
+                    (p50, p99), (plain50, plain99) = (
+                        quantiles(f, stamps.times) for f in (own, beside)
+                    )
+                    print(f"latency of {kind}: ROS 2 p50 {p50:.2f} ms, p99 {p99:.2f} ms; plain "
+                          f"Zenoh p50 {plain50:.2f} ms, p99 {plain99:.2f} ms; {len(own)} and "
+                          f"{len(beside)} messages")  # fmt: skip
+                print(f"{others} messages of 28 other topics")
             conductor.unwatch(stamps)
             stamps.session.close()
         conductor.pause(ME)

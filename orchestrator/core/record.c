@@ -29,17 +29,18 @@ int write_texts(uuv_core *core, uint64_t *at) {
         uint64_t *last = &r->last_text[i];
         if (*last == UINT64_MAX || !same(&r->texts[*last], text)) *last = store(r, text);
         if (*last == UINT64_MAX) return failed(&core->why, UUV_CORE_NO_MEMORY, 0, UUV_CORE_GET);
-        at[r->text_columns[i] * r->stride] = *last;
+        at[r->text_columns[i] * r->column_stride] = *last;
     }
     return 1;
 }
 
-/* Gives room: column c of row i is to be rows[c * stride + i]. */
+/* Gives room: column c of row i is to be rows[c * column_stride + i * row_stride]. */
 UUV_CORE_API void uuv_core_rows(uuv_core *core, uint64_t *rows, int64_t *ticks, uint32_t n_rows,
-                                size_t stride) {
+                                size_t column_stride, size_t row_stride) {
     recording *r = &core->record;
     r->rows = rows;
-    r->stride = stride;
+    r->column_stride = column_stride;
+    r->row_stride = row_stride;
     r->ticks = ticks;
     r->n_rows = n_rows;
     r->used = 0;

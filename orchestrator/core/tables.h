@@ -161,9 +161,9 @@ typedef struct {
     uint32_t *text_columns, *text_slots, n_texts;
     uint64_t *last_text; /* of each text column: index of its last text, or UINT64_MAX */
     uint64_t every, next;
-    uint64_t *rows; /* column by column, `stride` values apart */
+    uint64_t *rows; /* strides are distances of two columns and of two rows, in values */
     int64_t *ticks;
-    size_t stride;
+    size_t column_stride, row_stride;
     uint32_t n_rows, used;
     uuv_blob *texts;
     uint64_t n_stored, capacity;

@@ -142,7 +142,7 @@ UUV_CORE_API int uuv_core_record(uuv_core *core, uint32_t n, const uint32_t *slo
 /* Where rows go, until the next call: `n_rows` rows of the recorded slots, and their ticks.
  * A text in a row is the index of a text in `uuv_core_text`. */
 UUV_CORE_API void uuv_core_rows(uuv_core *core, uint64_t *rows, int64_t *ticks, uint32_t n_rows,
-                                size_t stride);
+                                size_t column_stride, size_t row_stride);
 UUV_CORE_API uint64_t uuv_core_next_row(const uuv_core *core);
 UUV_CORE_API void uuv_core_set_next_row(uuv_core *core, uint64_t tick);
 UUV_CORE_API uint32_t uuv_core_rows_used(const uuv_core *core);

@@ -7,6 +7,7 @@ import struct
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import suppress
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -15,8 +16,9 @@ from zenoh import ext
 
 import uuvsim_cosim as uuv
 from tests.bridge.ros2.ros_side import Said, dds, ros, tokens
-from tests.bridge.waiting import until
+from tests.bridge.waiting import PATIENCE, until
 from uuvsim_cosim.bridge.calls.service import Client
+from uuvsim_cosim.bridge.ros2 import node as node_module
 from uuvsim_cosim.bridge.ros2.node import Ros2Node
 from uuvsim_cosim.bridge.ros2.rmw_zenoh import attachment, gid
 from uuvsim_cosim.bridge.ros2.topic_writer import typestore
@@ -157,6 +159,79 @@ def test_a_subscriber_gets_clouds_and_diagnostics_of_a_sonar() -> None:
     assert (message.width, message.header.frame_id) == (5, "sonar_link")
     [status] = store.deserialize_cdr(state, "diagnostic_msgs/msg/DiagnosticArray").status
     assert (status.name, status.level) == ("sonar", 0)
+
+
+WIDE = """
+import numpy as np
+N = 100_000
+class Clouds:
+    inputs = {}
+    outputs = {"range": (N, "m")}
+    parameters = {"tilt": (np.zeros(N), "rad"), "azimuth": (np.zeros(N), "rad"),
+                  "r_s": (np.zeros(3), "m"), "Theta_s": (np.zeros(3), "rad")}
+    def step(self, t, dt, u):
+        return {"range": np.full(N, 1.0 + t)}
+"""
+
+
+def test_a_subscriber_that_blocks_loses_clouds_and_stays_connected(tmp_path: Path) -> None:
+    (tmp_path / "clouds.py").write_text(WIDE)
+    system = uuv.System("wide", "0.1").add("sonar", f"{tmp_path}/clouds.py:Clouds")
+    blocked, free, clock = threading.Event(), threading.Event(), Heard()
+    numbers, alive = list[int](), list[zenoh.Sample]()
+
+    def hear(sample: zenoh.Sample) -> None:
+        numbers.append(struct.unpack_from("<q", sample.attachment.to_bytes())[0])
+        blocked.set()
+        free.wait(PATIENCE)
+
+    with (
+        Conductor(system) as conductor,
+        Ros2Node(conductor, port=0, domain=0) as node,
+        ros(node.port) as slow,
+        ros(node.port, mode="client") as other,
+    ):
+        # In the thread that receives, so that what it does not take stays in the connection.
+        at_once = zenoh.handlers.Callback(hear, indirect=False)
+        kept = [
+            slow.declare_subscriber("0/sonar/points/**", at_once),
+            other.declare_subscriber("0/clock/**", clock),
+            slow.liveliness().declare_token("slow"),
+            other.liveliness().declare_subscriber("slow", alive.append, history=True),
+        ]
+        until(blocked.is_set, lambda: conductor.step(ME, 1, {}, ()))
+        until(  # 120 MB of clouds, more than the connection holds
+            lambda: len(clock.samples) > 100, lambda: conductor.step(ME, 1, {}, ())
+        )
+        assert len(numbers) == 1
+        free.set()
+        until(lambda: numbers[-1] > 100 > len(numbers), lambda: conductor.step(ME, 1, {}, ()))
+        assert [sample.kind for sample in alive] == [zenoh.SampleKind.PUT]
+        for one in kept:
+            one.undeclare()
+
+
+def test_a_message_that_is_not_sent_delays_no_step(
+    conductor: Conductor, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    sending, free = threading.Event(), threading.Event()
+
+    def put(*_: object) -> None:
+        sending.set()
+        free.wait()
+
+    with Ros2Node(conductor, port=0, domain=0) as node, ros(node.port) as peer:
+        monkeypatch.setattr(node_module._Publisher, "put", put)
+        subscribed = peer.declare_subscriber("0/clock/**", Heard())
+        until(sending.is_set, lambda: conductor.step(ME, 1, {}, ()))
+        stepped = threading.Thread(target=lambda: conductor.step(ME, 5000, {}, ()))
+        stepped.start()
+        try:
+            until(lambda: not stepped.is_alive())
+        finally:
+            free.set()
+        assert node.dropped > 0
+        subscribed.undeclare()
 
 
 def names(session: zenoh.Session) -> set[str]:

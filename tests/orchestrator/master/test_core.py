@@ -10,8 +10,10 @@ from hypothesis import strategies as st
 
 from uuvsim_cosim.errors import ComponentFailed
 from uuvsim_cosim.fmus.instantiation.instantiate import instantiate_fmu
+from uuvsim_cosim.orchestrator.master import core
 from uuvsim_cosim.orchestrator.master.core import columns_of
 from uuvsim_cosim.orchestrator.master.master import Master
+from uuvsim_cosim.orchestrator.master.observer import Chunk
 from uuvsim_cosim.orchestrator.plan.plan import Group
 
 KINDS = ["fmi2", "fmi3", "native", "python"]
@@ -254,6 +256,43 @@ def test_columns_have_memory_and_do_not_share_a_set_of_the_cache(columns: int, r
     assert not memory.any()
     memory[:] = 1
     assert memory.flags.c_contiguous
+
+
+class Rows:
+    """Observer that keeps the ticks and all values of the rows."""
+
+    def __init__(self) -> None:
+        self.found: list[tuple[Any, ...]] = []
+
+    def begin(self, plan: object, columns: object) -> None:
+        """Do nothing."""
+
+    def observe(self, chunk: Chunk) -> None:
+        columns = (chunk.values(i).tolist() for i in range(len(chunk.columns)))
+        self.found += zip(chunk.ticks.tolist(), *columns, strict=True)
+
+    def end(self) -> None:
+        """Do nothing."""
+
+
+def test_rows_have_the_same_values_stored_row_by_row_or_column_by_column(
+    wired: Any, fmi3: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    start = {"a": {"u": 1.0, "v": np.array([1.0, 2.0, 4.0])}}
+
+    def rows(wide: int) -> list[tuple[Any, ...]]:
+        monkeypatch.setattr(core, "_WIDE", wide)
+        with Master(*wired({"a": fmi3}, start=start), observers=[kept := Rows()]) as master:
+            master.initialize()
+            master.step(3)
+            master.set("a", "string_in", np.array(["hot", "cold"], object))
+            master.step(2)
+        return kept.found
+
+    found = rows(0)
+    assert found == rows(1 << 30)
+    assert [row[0] for row in found] == list(range(6))
+    assert ["hot" in row for row in found] == [False] * 4 + [True] * 2
 
 
 def test_large_memory_is_zero_and_can_be_written() -> None:

@@ -44,6 +44,12 @@ class Layout:
             for name, at in held.items()
         }
         texts = {name for name, at in held.items() if columns[at[0]].type.is_blob}
+        # Columns side by side are read without a copy.
+        self.spans = {
+            name: slice(at[0], at[-1] + 1)
+            for name, at in held.items()
+            if every[name].ndim and at[-1] - at[0] == len(at) - 1
+        }
         self.places = {name: at for name, at in every.items() if name not in texts}
         self.texts = {name: at for name, at in every.items() if name in texts}
         self.types = {name: columns[int(at.flat[0])].type for name, at in self.places.items()}
@@ -94,10 +100,11 @@ class Rows:
         return Rows(self._layout, self._ticks[-1:], self._rows[-1:], texts)
 
     def __getitem__(self, name: str) -> Array:
-        """Return a signal."""
+        """Return a signal, which may be a view of the rows."""
         if name in self._texts:
             return self._texts[name]
-        slots, dtype = self._rows[:, self._layout.places[name]], self._layout.dtypes[name]
+        places = self._layout.spans.get(name, self._layout.places[name])
+        slots, dtype = self._rows[:, places], self._layout.dtypes[name]
         return slots.astype(bool) if dtype is None else slots.view(dtype)
 
     def __contains__(self, name: object) -> bool:

@@ -28,6 +28,9 @@ __all__ = ["Access", "Core", "columns_of"]
 _LINE = 8  # slots of 8 bytes in a cache line
 _PAGE = 512  # slots in a page
 _HUGE = 1 << 21  # bytes
+# Columns above which rows are stored row by row. Stored column by column, each value of a row is in
+# another cache line, and no cache holds that many lines until the next row.
+_WIDE = 4096
 
 
 @dataclass(frozen=True)
@@ -63,10 +66,10 @@ class Core:
         self.n_members = n_members
         self.slots = _array(self._c.uuv_core_slots(self._core), n_slots)
         self.fresh = _array(self._c.uuv_core_fresh(self._core), n_slots)
-        self._rows = np.zeros((0, 0), np.uint64)  # (columns, stride)
+        self._rows = np.zeros((0, 0), np.uint64)  # (rows, columns)
         self._ticks = np.zeros(0, np.int64)
-        # Addresses of rows and ticks, number of rows, stride.
-        self._buffer: tuple[int | None, int | None, int, int] = (None, None, 0, 0)
+        # Addresses of rows and ticks, number of rows, distances of columns and of rows.
+        self._buffer: tuple[int | None, int | None, int, int, int] = (None, None, 0, 0, 0)
         self._row_texts: list[bytes] = []  # the texts of the rows
         self._image: ctypes.Array[ctypes.c_char] | None = None  # buffer of `get_image`
         self._names: list[bytes] = []  # of the members; C keeps pointers to them
@@ -192,10 +195,14 @@ class Core:
         self._c.uuv_core_record(
             self._core, len(slots), (ctypes.c_uint32 * len(slots))(*slots), every
         )
-        self._rows = columns_of(len(slots), n_rows)
+        if len(slots) > _WIDE:
+            self._rows = columns_of(n_rows, len(slots))[:, : len(slots)]
+        else:
+            self._rows = columns_of(len(slots), n_rows)[:, :n_rows].T
         self._ticks = np.full(n_rows, 0, np.int64)
         addresses = self._rows.ctypes.data, self._ticks.ctypes.data
-        self._buffer = (*addresses, n_rows, self._rows.shape[1])
+        row, column = (stride // 8 for stride in self._rows.strides)
+        self._buffer = (*addresses, n_rows, column, row)
         self.clear_rows()
 
     def instance(self, member: int, instance: int, kept: int) -> None:
@@ -250,14 +257,14 @@ class Core:
     def rows(self) -> tuple[np.ndarray, np.ndarray, list[bytes]]:
         """Return (ticks, rows, texts) written since the last `clear_rows`; views, not copies.
 
-        `rows` (n, columns) is stored column by column.
+        `rows` (n, columns) is stored column by column, or row by row if it is wide.
         """
         n = self._c.uuv_core_rows_used(self._core)
         size = ctypes.c_size_t()
         for i in range(len(self._row_texts), self._c.uuv_core_texts(self._core)):
             data = self._c.uuv_core_text(self._core, i, ctypes.byref(size))
             self._row_texts.append(ctypes.string_at(data, size.value))
-        return self._ticks[:n], self._rows[:, :n].T, self._row_texts
+        return self._ticks[:n], self._rows[:n], self._row_texts
 
     @property
     def is_full(self) -> bool:

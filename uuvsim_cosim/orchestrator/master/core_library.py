@@ -167,7 +167,7 @@ def library() -> ctypes.CDLL:
         "uuv_exchange_close": (None, [pointer]),
         "uuv_exchange_free": (None, [pointer]),
         "uuv_core_record": (i, [pointer, u32, pointer, u64]),
-        "uuv_core_rows": (None, [pointer, pointer, pointer, u32, size]),
+        "uuv_core_rows": (None, [pointer, pointer, pointer, u32, size, size]),
         "uuv_core_next_row": (u64, [pointer]),
         "uuv_core_set_next_row": (None, [pointer, u64]),
         "uuv_core_rows_used": (u32, [pointer]),

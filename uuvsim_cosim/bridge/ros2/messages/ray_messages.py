@@ -40,7 +40,11 @@ def _size(f: Facts) -> tuple[int, int]:
 
 
 def _cloud(v: Values, f: Facts) -> dict[str, Array]:
-    points = _echoes(v["range"])[:, :, None] * body(f["@directions"] * f["@scale"][:, None])
+    echoes, directions = _echoes(v["range"]), body(f["@directions"])
+    points = np.empty((*echoes.shape, 3), "<f4")
+    for i in range(3):  # without arrays in between: 100,000 points are 2.4 MB
+        along = directions[:, i] * f["@scale"]
+        np.multiply(echoes, along, out=points[:, :, i], casting="same_kind")
     height, width = _size(f)
     fields = {
         f"fields.{i}.{name}": np.array([value])
@@ -52,7 +56,7 @@ def _cloud(v: Values, f: Facts) -> dict[str, Array]:
         "width": np.array([width]),
         "point_step": np.array([12]),
         "row_step": np.array([12 * width]),
-        "data": _bytes(points.reshape(len(points), -1)),
+        "data": points.view(np.uint8).reshape(len(points), -1),
     }
 
 
