@@ -3,6 +3,9 @@
     ```{live-component} thruster
     ```
 
+    ```{live-vehicle} bluerov2_hold
+    ```
+
 A page has no resource of another server, and works from the disk. The files are written into
 `_static/live` when the pages have been built.
 """
@@ -17,6 +20,7 @@ sys.path.insert(0, str(Path(__file__).parent))
 
 from docutils import nodes
 from live_components import live_of, script, style
+from live_vehicles import place, vehicle_file, vehicle_script
 from sphinx.util.docutils import SphinxDirective
 
 if TYPE_CHECKING:
@@ -46,13 +50,28 @@ class LiveComponent(SphinxDirective):
         return [nodes.paragraph("", "", *parsed), nodes.raw("", place, format="html")]
 
 
+class LiveVehicle(SphinxDirective):
+    """The live page of a shipped system, which a button starts."""
+
+    required_arguments = 1
+
+    def run(self) -> list[nodes.Node]:
+        """Return the picture with the button."""
+        (name,) = self.arguments
+        self.env.metadata[self.env.docname]["live-vehicle"] = name
+        return [nodes.raw("", place(name), format="html")]
+
+
 def add_files(
     app: Sphinx, pagename: str, _template: str, _context: dict[str, Any], _doctree: Any
 ) -> None:
     """Add script and data to a page that has a live response."""
-    name = app.env.metadata.get(pagename, {}).get("live")
-    if name:
+    about = app.env.metadata.get(pagename, {})
+    if "live" in about or "live-vehicle" in about:
         app.add_css_file(f"{FOLDER}/live.css")
+    if "live-vehicle" in about:
+        app.add_js_file(f"{FOLDER}/live_vehicle.js", loading_method="defer")
+    if name := about.get("live"):
         app.add_js_file(f"{FOLDER}/live.js", loading_method="defer")
         app.add_js_file(f"{FOLDER}/{name}.js", loading_method="defer")
 
@@ -63,8 +82,10 @@ def write_files(app: Sphinx, error: Exception | None) -> None:
         return
     folder = Path(app.outdir) / "_static" / FOLDER
     folder.mkdir(parents=True, exist_ok=True)
-    texts = {"live.js": script(), "live.css": style()}
+    texts = {"live.js": script(), "live.css": style(), "live_vehicle.js": vehicle_script()}
     for about in app.env.metadata.values():
+        if name := about.get("live-vehicle"):
+            texts[f"{name}.js"] = vehicle_file(name)
         if "live" in about:
             texts[f"{about['live']}.js"] = live_of(about["live"]).file
     for file, text in texts.items():
@@ -74,6 +95,7 @@ def write_files(app: Sphinx, error: Exception | None) -> None:
 def setup(app: Sphinx) -> dict[str, Any]:
     """Connect to Sphinx."""
     app.add_directive("live-component", LiveComponent)
+    app.add_directive("live-vehicle", LiveVehicle)
     app.connect("html-page-context", add_files)
     app.connect("build-finished", write_files)
     return {"parallel_read_safe": True, "version": "1"}
