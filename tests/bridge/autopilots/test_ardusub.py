@@ -499,6 +499,14 @@ def test_recorded_bytes_of_the_autopilot_are_read() -> None:
         assert commands.mode == 19
 
 
+def test_a_file_with_the_name_of_the_scheme_in_the_current_folder_is_not_the_source(
+    fake: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(fake.parent)
+    made = with_autopilot(uuv.load("bluerov2_ardusub"), "controller", "ardusub:?timeout=5")
+    assert made.components["controller"].source == "ardusub:?timeout=5"
+
+
 def test_a_component_is_not_an_autopilot_without_thrusters() -> None:
     with pytest.raises(InputInvalid, match="no allocation of 8 thrusters"):
         with_autopilot(uuv.load("bluerov2_hold").remove("allocation"), "controller")

@@ -137,6 +137,8 @@ def anchored(source: str, base: Path | None) -> str:
     file, colon, name = source, "", ""
     if Path(source.partition("#")[0]).suffix.lower() not in _SUFFIXES:
         file, colon, name = source.rpartition(":")
+        if not file.endswith(".py"):  # a scheme may have the name of a file: ardusub:?timeout=5
+            return source
     elif "#" in source:
         file, colon, name = source.partition("#")
     path = Path(file).expanduser()
