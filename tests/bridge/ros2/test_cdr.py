@@ -21,6 +21,9 @@ SEQUENCES = (
     "fields",
     "status",
     "ranges",
+    "flags",
+    "beam_unit_vec",
+    "transmit_delays",
     "d",
 )
 

@@ -234,6 +234,23 @@ def test_a_message_that_is_not_sent_delays_no_step(
         subscribed.undeclare()
 
 
+def test_a_topic_without_a_subscriber_is_not_published(
+    conductor: Conductor, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    heard, sent, put = Heard(), set[str](), node_module._Publisher.put
+
+    def noted(publisher: Any, message: bytes) -> None:
+        sent.add(str(publisher._raw.key_expr))
+        put(publisher, message)
+
+    with Ros2Node(conductor, port=0, domain=0) as node, ros(node.port) as peer:
+        monkeypatch.setattr(node_module._Publisher, "put", noted)
+        subscribed = peer.declare_subscriber("0/clock/**", heard)
+        until(lambda: len(heard.samples) > 3, lambda: conductor.step(ME, 10, {}, ()))
+        subscribed.undeclare()
+    assert {key.split("/")[1] for key in sent} == {"clock"}
+
+
 def names(session: zenoh.Session) -> set[str]:
     """Return the names of the nodes; the router learns those of its clients one by one."""
     return {t.split("/")[8] for t in tokens(session)}

@@ -10,7 +10,7 @@ import pytest
 
 import uuvsim_cosim as uuv
 from tests.bridge.ros2.test_frames import matrix
-from tests.bridge.ros2.written import STORE, topics_of_plan
+from tests.bridge.ros2.written import STORE, plan_of, topics_of_plan
 from uuvsim_cosim.bridge.ros2.robot import Robot, mounted, robots_of, text_message
 from uuvsim_cosim.models.actuators.thruster_geometry import thruster_geometry
 from uuvsim_cosim.orchestrator.plan.flatten import flatten
@@ -59,6 +59,17 @@ def test_links_and_joints_are_a_tree_below_base_link(heavy: Robot) -> None:
         assert at == "base_link"
     [box] = list(root.find("link").iter("box"))  # type: ignore[union-attr]
     assert box.get("size") == "0.457 0.575 0.254"
+
+
+def test_each_frame_of_a_sonars_messages_is_placed() -> None:
+    plan = plan_of(sonar="model:multibeam?beams=5", hull="model:bluerov2_heavy")
+    topics = topics_of_plan(plan)
+    [robot] = robots_of(plan)
+    message = STORE.deserialize_cdr(
+        mounted(STORE, topics, [robot]).tobytes(), "tf2_msgs/msg/TFMessage"
+    )
+    placed = {tf.child_frame_id for tf in message.transforms}
+    assert {t.frame for t in topics if t.frame.startswith("sonar_")} <= placed
 
 
 def test_the_description_and_tf_static_agree(heavy: Robot) -> None:

@@ -8,7 +8,7 @@ columns of numbers are copied.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -30,7 +30,8 @@ class MessageLayout:
 
     `texts` are its strings by the path of the field, such as ``header.frame_id``; fields that are
     not given are empty. `lengths` are those of its sequences; others are empty. A field of equal
-    numbers one after the other, such as a ``geometry_msgs/msg/Vector3``, has a place of its own.
+    numbers one after the other, such as a ``geometry_msgs/msg/Vector3`` or a sequence of them, has
+    a place of its own.
     """
 
     def __init__(
@@ -79,16 +80,26 @@ class MessageLayout:
         return out
 
     def _message(self, type_: str, path: str) -> None:
-        begin = {}
+        parts = []
         for field, node in self._store.fielddefs[type_][1]:
-            at = f"{path}.{field}" if path else field
-            self._field(node, at)
-            begin[at] = self._places.get(at)
-        places = [place for place in begin.values() if place is not None and place[2] == 1]
-        if path and len(places) == len(begin):
-            (offset, dtype, _), *rest = places
-            if all(p[:2] == (offset + dtype.itemsize * (i + 1), dtype) for i, p in enumerate(rest)):
-                self._places[path] = (offset, dtype, len(places))
+            parts.append(f"{path}.{field}" if path else field)
+            self._field(node, parts[-1])
+        if path:
+            self._join(path, parts)
+
+    def _join(self, path: str, parts: Iterable[str]) -> None:
+        """Give a field a place of its own, if its parts are equal numbers one after the other."""
+        places = [self._places.get(part) for part in parts]
+        whole = places[0] if places else None
+        for place in places[1:]:
+            if whole is None or place is None:
+                return
+            offset, dtype, count = whole
+            if place[:2] != (offset + count * dtype.itemsize, dtype):
+                return
+            whole = (offset, dtype, count + place[2])
+        if whole is not None:
+            self._places[path] = whole
 
     def _field(self, node: Any, path: str) -> None:
         kind, detail = node
@@ -105,8 +116,10 @@ class MessageLayout:
                 if count:
                     self._base(element[1][0], path, count)
             else:
-                for i in range(count):
-                    self._field(element, f"{path}.{i}")
+                parts = [f"{path}.{i}" for i in range(count)]
+                for part in parts:
+                    self._field(element, part)
+                self._join(path, parts)
 
     def _base(self, name: str, path: str, count: int) -> None:
         if name == "string":

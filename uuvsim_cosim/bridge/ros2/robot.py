@@ -33,11 +33,13 @@ __all__ = ["STRING", "Part", "Robot", "mounted", "robots_of", "text_message"]
 STRING = "std_msgs/msg/String"
 _HALF = np.sqrt(0.5)
 # Frames of an instrument beside its link, by the fact that it has: quaternion x y z w.
-_AXES = {
-    "@depth": ("optical", (1.0, 0.0, 0.0, 0.0)),  # its own axes: z along the view
-    "tilt": ("sonar", (1.0, 0.0, 0.0, 0.0)),
-    "@fan": ("scan", (_HALF, 0.0, -_HALF, 0.0)),  # x along the view, y as its own
-}
+_OWN = (1.0, 0.0, 0.0, 0.0)  # z along the view
+_AXES = (
+    ("@depth", "optical", _OWN),
+    ("tilt", "sonar", _OWN),
+    ("@fan", "sonar", _OWN),
+    ("@fan", "scan", (_HALF, 0.0, -_HALF, 0.0)),  # x along the view, y as its own
+)
 
 
 @dataclass(frozen=True)
@@ -169,7 +171,7 @@ def _parts(c: PlannedComponent, p: Mapping[str, Array], prefix: str, plan: Plan)
         q = euler_quaternion(p.get("Theta_s", np.zeros(3)).reshape(1, 3))
         link = f"{prefix}{name}_link"
         yield Part(link, base, _flu(p["r_s"]), tuple(body_quaternion(q)[0].tolist()), "sensor")
-        for fact, (word, axes) in _AXES.items() if "@directions" in p else ():
+        for fact, word, axes in _AXES if "@directions" in p else ():
             if fact in p:
                 yield Part(f"{prefix}{name}_{word}", link, (0.0,) * 3, axes, "axes")
     r = p.get("r", np.zeros(0))

@@ -95,6 +95,7 @@ _RULES = (
     _Rule("sensor_msgs/msg/PointCloud2", "points", {"range": "range"}, "link"),
     _Rule("sensor_msgs/msg/PointCloud2", "points", {"range": "image"}, "link"),
     _Rule("sensor_msgs/msg/LaserScan", "scan", {"range": "range"}, "scan"),
+    _Rule("marine_acoustic_msgs/msg/SonarRanges", "ranges", {"range": "range"}, "sonar"),
     _Rule("sensor_msgs/msg/Image", "image", {"image": "image"}, "optical"),
     _Rule("sensor_msgs/msg/CameraInfo", "camera_info", {"image": "image"}, "optical"),
     _Rule("geometry_msgs/msg/WrenchStamped", "wrench", {"tau": "tau"}, "base"),

@@ -10,6 +10,7 @@ from uuvsim_cosim.models.sensors.multibeam_and_camera import beams_of
 
 CLOUD = "sensor_msgs/msg/PointCloud2"
 HASH = "RIHS01_77604ba1b113d1a39148d095ac2cb21540de83cff2bbc5443e06e25208afd421"
+RANGES_HASH = "RIHS01_f440f02f1adc9535848643a389997562f2672f1a74214c17970e1cf2a832343c"
 
 
 def points(message: object) -> np.ndarray:
@@ -83,6 +84,23 @@ def test_an_image_of_ranges_is_a_cloud_and_no_depth_image() -> None:
     assert np.linalg.norm(points(cloud), axis=-1) == pytest.approx(2.0)
 
 
+def test_ranges_of_a_sonar_have_the_beams_and_flags_of_those_without_an_echo() -> None:
+    plan = plan_of(sonar="model:multibeam?beams=5")
+    readings = np.array([3.0, 0.0, 4.0, 5.0, 6.0])
+    block = Rows([0.5], sonar__range=[readings], sonar__valid=[True], sonar__t_sample=[0.4])
+    [(at, ping)] = written(plan, "marine_acoustic_msgs/msg/SonarRanges", block)
+    assert (at, ping.header.frame_id) == (400_000_000, "sonar_sonar")
+    beams = np.array([[v.x, v.y, v.z] for v in ping.beam_unit_vec])
+    assert np.array_equal(beams, beams_of("multibeam", beams=5).directions)
+    assert [flag.flag for flag in ping.flags] == [0, 1, 0, 0, 0]
+    assert ping.ranges == pytest.approx([3.0, np.nan, 4.0, 5.0, 6.0], nan_ok=True)
+    assert ping.transmit_delays.tolist() == [0.0] * 5
+    assert len(ping.intensities) == 0
+    info = ping.ping_info
+    assert (info.frequency, info.sound_speed) == (0.0, 0.0)  # which means that they are not known
+    assert len(info.tx_beamwidths) == len(info.rx_beamwidths) == 0
+
+
 def dvl_rows(velocity: np.ndarray, d: np.ndarray, valid: list[int]) -> Rows:
     return Rows(
         [0.2], dvl__velocity=[velocity], dvl__altitude=[8.0], dvl__range=[np.full(4, 9.0)],
@@ -135,6 +153,15 @@ def test_the_type_of_a_ping_is_that_of_marine_acoustic_msgs() -> None:
         "beam_velocity", "beam_velocity_covar",
     ]  # fmt: skip
     assert STORE.hash_rihs01(name) == HASH
+
+
+def test_the_type_of_ranges_is_that_of_marine_acoustic_msgs() -> None:
+    name = "marine_acoustic_msgs/msg/SonarRanges"
+    fields = [field for field, _ in STORE.fielddefs[name][1]]
+    assert fields == [
+        "header", "ping_info", "flags", "transmit_delays", "intensities", "beam_unit_vec", "ranges",
+    ]  # fmt: skip
+    assert STORE.hash_rihs01(name) == RANGES_HASH
 
 
 def test_without_known_rays_the_readings_stay_numbers() -> None:

@@ -1,8 +1,8 @@
-"""Messages of instruments that see along rays: clouds of points, scans, depth images, DVL pings.
+"""Messages of instruments that see along rays: clouds, scans, depth images, pings of sonars.
 
 A point is reading · scale · direction in the instrument's axes `s` (facts.py). Clouds have the
 frame ``…_link`` (x ahead, y to port, z up where the instrument is mounted upright), images
-``…_optical``, which is `s` itself: x to the right, y down, z along the view (REP 103), DVL pings
+``…_optical``, which is `s` itself: x to the right, y down, z along the view (REP 103), pings
 ``…_sonar``, which is `s`, too. A scan has the frame ``…_scan``: x along the view, y along that of
 `s`, so that angles grow from port to starboard. A reading without an echo is NaN.
 """
@@ -22,6 +22,7 @@ __all__ = ["RAY_CONVERSIONS"]
 Facts = Mapping[str, Array]
 _FLOAT32 = 7  # sensor_msgs/msg/PointField
 _BOTTOM = 1  # DVL_MODE_BOTTOM
+_BAD = 1  # DETECT_BAD_SONAR
 
 
 def _echoes(readings: Array) -> Array:
@@ -68,6 +69,17 @@ def _scan(v: Values, f: Facts) -> dict[str, Array]:
         "angle_increment": np.array([step]),
         "range_min": f["range_min"].reshape(1),
         "range_max": f["range_max"].reshape(1),
+        "ranges": _echoes(v["range"]),
+    }
+
+
+def _ranges(v: Values, f: Facts) -> dict[str, Array]:
+    """Return a ping; frequency and speed of sound are 0, which means that they are not known."""
+    n = len(f["@scale"])
+    return {
+        "flags": np.where(v["range"] > 0, 0, _BAD),
+        "transmit_delays": np.zeros((1, n)),
+        "beam_unit_vec": f["@directions"].reshape(1, -1),
         "ranges": _echoes(v["range"]),
     }
 
@@ -158,6 +170,16 @@ RAY_CONVERSIONS = {
         _camera,
         needs=frozenset({"@directions", "@grid", "@depth"}),
         shape=lambda _, f: Shape({"distortion_model": "plumb_bob"}, {"d": 5}),
+    ),
+    "marine_acoustic_msgs/msg/SonarRanges": Conversion(
+        {"range": ANY},
+        _ranges,
+        needs=frozenset({"@directions", "@scale", "@fan"}),
+        shape=lambda _, f: Shape(
+            lengths=dict.fromkeys(
+                ("flags", "transmit_delays", "beam_unit_vec", "ranges"), len(f["@scale"])
+            )
+        ),
     ),
     "marine_acoustic_msgs/msg/Dvl": Conversion(
         {"velocity": 3, "altitude": 1, "range": 4, "beam_velocity": 4, "beam_valid": 4},

@@ -178,6 +178,13 @@ READINGS: dict[str, Reading] = {
         is_sensor=True,
         gaps=True,
     ),
+    "marine_acoustic_msgs/msg/SonarRanges": Reading(
+        ("ranges",),
+        lambda f: {"range": f["ranges"]},
+        {"range": ("m",)},
+        is_sensor=True,
+        gaps=True,
+    ),
     "sensor_msgs/msg/Image": Reading(
         ("data",), _image, {"image": ("m",)}, is_sensor=True, gaps=True
     ),
