@@ -262,6 +262,7 @@
   };
   matchMedia("(prefers-color-scheme: dark)").addEventListener("change", redraw);
 
+  for (const name of data.plots) add(name);
   const [leader] = movers;
   if (leader) {
     add(leader.at);
@@ -271,7 +272,7 @@
       const [, whole, k] = name.match(/^(.*?)(?:\[(\d+)\])?$/);
       return { label: String(i + 1), column: first.get(whole) + (k ? k - 1 : 0) };
     }));
-  } else outputs.slice(0, 4).forEach(add);
+  } else if (!data.plots.length) outputs.slice(0, 4).forEach(add);
   window.uuvsimPage = { system, advance: n => { advance(n); draw(); }, run, pause, restart };
   restart();
   // What the link asks for; what cannot be understood is named, and the rest is done.

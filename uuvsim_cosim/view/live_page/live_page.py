@@ -31,16 +31,22 @@ from uuvsim_cosim.view.scene3d.scene_of_plan import scene3d_of_plan, value_of
 __all__ = ["live_page_html", "write_live_page"]
 
 
-def write_live_page(system: System, target: Path) -> Path:
-    """Write the page of a system and return its path.
+def write_live_page(
+    system: System, target: Path, *, plots: Sequence[str] = (), remark: str = ""
+) -> Path:
+    """Write the page of a system and return its path; arguments as of `live_page_html`.
 
     Raises SystemInvalid, which names every component that is no declaration, and ToolchainError.
     """
-    return written(target, live_page_html(system))
+    return written(target, live_page_html(system, plots=plots, remark=remark))
 
 
-def live_page_html(system: System) -> str:
-    """Return the page of a system as a text."""
+def live_page_html(system: System, *, plots: Sequence[str] = (), remark: str = "") -> str:
+    """Return the page of a system as a text.
+
+    The page plots the outputs in `plots` ("task.return") first. A `remark` on what it computes
+    stands in the place of the command that verifies a system by its name.
+    """
     compiled = web_assembly(system)
     plan = compiled.parts.fused.plan
     scene3d = scene3d_of_plan(plan, system.name)
@@ -50,6 +56,7 @@ def live_page_html(system: System) -> str:
         "marks": MARKS,
         "stop": compiled.parts.whole.stop_time,
         "movers": _movers(scene3d),
+        "plots": list(plots),
         "version": __version__,
     }
     text = json.dumps(data, separators=(",", ":"), allow_nan=False).replace("<", "\\u003c")
@@ -59,7 +66,7 @@ def live_page_html(system: System) -> str:
         _CONTROLS,
         f'<div class="live"><div class="seen">{_scene(plan, scene3d)}</div>{_PARAMETERS}</div>',
         _PLOTS,
-        _about(compiled),
+        _about(compiled, remark),
     ]
     library = own_file("uplot/uPlot.iife.min.js").partition("\n")[2]  # without its address
     licence = own_file("uplot/LICENSE").strip()
@@ -136,7 +143,7 @@ def _movers(scene3d: Scene3D) -> list[dict[str, Any]]:
     return [*map(of_body, scene3d.bodies[:BODIES_MOST]), *markers[:BODIES_MOST]]
 
 
-def _about(compiled: WebAssembly) -> str:
+def _about(compiled: WebAssembly, remark: str) -> str:
     """Return the section on how the page computes."""
     parts = compiled.parts
     tick = parts.whole.tick
@@ -146,8 +153,13 @@ def _about(compiled: WebAssembly) -> str:
         f"The equations of {len(parts.fused.members)} components ({named}) are compiled into "
         f"WebAssembly of {compiled.module.stat().st_size / 1000:.0f} kB, which this page has. "
         f"A communication step is {float(tick):g} s. The page computes the same bits as the "
-        "master, the FMUs and the kernels of uuvsim-cosim, and the hash shows it: "
-        f"<code>uuvsim verify {escape(parts.whole.description.name)}</code> prints the same one "
+        "master, the FMUs and the kernels of uuvsim-cosim"
+    )
+    name = escape(parts.whole.description.name)
+    text += (
+        f". {escape(remark)}"
+        if remark
+        else f", and the hash shows it: <code>uuvsim verify {name}</code> prints the same one "
         "for the same number of steps and the same parameters."
     )
     return (
