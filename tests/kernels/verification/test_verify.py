@@ -14,6 +14,7 @@ from tests.conftest import Uuvsim
 from tests.kernels.web_assembly.test_module import NEEDS_NODE, tiny
 from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.kernels.verification import ways
+from uuvsim_cosim.kernels.verification.emulated import emulator
 from uuvsim_cosim.kernels.verification.verify import Difference, _texts, verify
 from uuvsim_cosim.kernels.verification.ways import Rows, Way
 from uuvsim_cosim.kernels.web_assembly.output_hash import output_hash
@@ -38,6 +39,8 @@ def test_all_ways_of_a_system_with_clocks_and_draws_have_one_hash() -> None:
     names = {(o.way, o.compiler) for o in found.outcomes}
     assert ("WebAssembly in node", "zig") in names
     assert ("isolated FMUs", "zig") in names
+    assert ("FMUs as WebAssembly in wasmtime", "zig") in names
+    assert (("aarch64 in qemu", "zig") in names) == (emulator() is not None)
     assert ("kernel of 8 lanes, 16 threads", "zig") in names
     assert found.not_covered == ()
     assert verify(tiny(), 60, seed=4).hash != found.hash
@@ -107,11 +110,24 @@ def test_the_page_of_the_docs_has_the_hash_of_a_shipped_system(name: str) -> Non
     page = (Path(__file__).parents[3] / "docs/systems/live_page.md").read_text(encoding="utf-8")
     (row,) = re.findall(rf"^\| {name} \| (\d+) \| 0 \| (\w+) \|", page, re.M)
     system, steps = uuv.load(name), int(row[0])
-    every = [w for w in ways.ways_of(fused=True, node=True) if w.compiler == "zig"]
+    ways_here = ways.ways_of(fused=True, node=True, emulator=emulator() is not None)
+    every = [w for w in ways_here if w.compiler == "zig"]
     for way in [w for w in every if w.name != "isolated FMUs" and "FMU 3" not in w.name]:
         rows = way.run(system, steps, 0)
         outputs = ways.outputs_of(flatten(system, seed=0))
         assert output_hash(rows, [o.whole for o in outputs]) == row[1], way.name
+
+
+def test_ways_that_this_machine_has_not_are_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    verify_module = "uuvsim_cosim.kernels.verification.verify"
+    for name in ("node", "emulator", "find_spec"):
+        monkeypatch.setattr(f"{verify_module}.{name}", lambda *_: None)
+    few = ways.ways_of(fused=False, node=False)[:1]
+    monkeypatch.setattr(f"{verify_module}.ways_of", lambda **_: few)
+    missing = verify(tiny(), 2).missing
+    assert "node, for WebAssembly" in missing
+    assert "wasmtime, for FMUs as WebAssembly" in missing
+    assert "qemu-aarch64, for aarch64" in missing
 
 
 def test_no_steps_are_refused() -> None:

@@ -25,8 +25,10 @@ from uuvsim_cosim.fmus.resources import refuse_unless_it_fits
 
 __all__ = [
     "PLATFORMS",
+    "WASM32",
     "Platform",
     "Signatures",
+    "compile_program",
     "compile_shared",
     "compile_web_assembly",
     "compiler",
@@ -62,6 +64,8 @@ PLATFORMS = (
     Platform("aarch64-linux", "aarch64-linux", "aarch64-linux-gnu.2.17", ".so"),
     Platform("aarch64-darwin", "aarch64-darwin", "aarch64-macos", ".dylib"),
 )
+# WebAssembly, with the folder that the layered standard FMI-LS-WASM names; it has no FMI 2.0.
+WASM32 = Platform("wasm32", "wasm32-wasip2", "wasm32-wasi", ".wasm")
 
 # No FMA contraction, so that FMU, native component and kernel agree to the last bit. Debugging
 # information, which zig writes unless -g0 is given, would take a quarter of the compiler's time and
@@ -82,12 +86,11 @@ def platform_named(name: str) -> Platform:
     """Find a platform by its FMI 2.0 or FMI 3.0 folder name; ``host`` is this machine's."""
     if name == "host":
         return host()
-    for p in PLATFORMS:
+    known = (*PLATFORMS, WASM32)
+    for p in known:
         if name in (p.fmi2, p.fmi3):
             return p
-    raise ToolchainError(
-        f"unknown platform {name!r}", f"one of {', '.join(p.fmi2 for p in PLATFORMS)}"
-    )
+    raise ToolchainError(f"unknown platform {name!r}", f"one of {', '.join(p.fmi2 for p in known)}")
 
 
 def component_flags(platform: Platform) -> list[str]:
@@ -252,24 +255,44 @@ def compile_web_assembly(
 
     Only zig compiles it, whatever ``CC`` is. Raises ToolchainError.
     """
+    own = ["-target", "wasm32-wasi", *FLAGS, *flags, "-mexec-model=reactor", "-s"]
+    return _compiled_by_zig(sources, f"{name}.wasm", include, own, "WebAssembly")
+
+
+def compile_program(
+    sources: Sequence[Path], *, name: str, target: str, include: Sequence[Path]
+) -> Path:
+    """Compile C files into a static program for a `target` of zig; return its path in the cache.
+
+    Raises ToolchainError.
+    """
+    path = _compiled_by_zig(
+        sources, name, include, ["-target", target, *FLAGS, "-static", "-s", "-w"], target
+    )
+    path.chmod(0o755)
+    return path
+
+
+def _compiled_by_zig(
+    sources: Sequence[Path], name: str, include: Sequence[Path], arguments: list[str], what: str
+) -> Path:
     command, identity = zig_compiler()
-    arguments = ["-target", "wasm32-wasi", *FLAGS, *flags, "-mexec-model=reactor", "-s"]
     headers = [h for folder in include for h in sorted(folder.glob("*.h"))]
     key = content_hash(
         [name, identity, *arguments, *(f.name for f in sources)]
         + [f.read_bytes() for f in [*sources, *headers]]
     )
-    module = cache_dir("compiled", key) / f"{name}.wasm"
-    if intact(module):
-        return module
+    made = cache_dir("compiled", key) / name
+    if intact(made):
+        return made
     refuse_to_compile(name, sum(f.stat().st_size for f in sources))
-    log.info("compiling %s for WebAssembly", name)
-    with tempfile.TemporaryDirectory(dir=module.parent) as scratch:
-        fresh = Path(scratch) / module.name
+    log.info("compiling %s for %s", name, what)
+    with tempfile.TemporaryDirectory(dir=made.parent) as scratch:
+        fresh = Path(scratch) / made.name
         includes = [f"-I{folder}" for folder in include]
         _run([*command, *arguments, *includes, *map(str, sources), "-o", str(fresh)])
-        keep(module, fresh.read_bytes())
-    return module
+        keep(made, fresh.read_bytes())
+    return made
 
 
 def refuse_to_compile(name: str, size: int) -> None:

@@ -15,6 +15,7 @@ from uuvsim_cosim.fmus.codegen.describe import describe
 from uuvsim_cosim.fmus.codegen.lowering import Lowered, lower
 from uuvsim_cosim.fmus.codegen.runtime import runtime, runtime_file, runtime_files
 from uuvsim_cosim.fmus.codegen.toolchain import (
+    WASM32,
     Platform,
     compile_shared,
     component_flags,
@@ -30,6 +31,7 @@ from uuvsim_cosim.fmus.export.model_description import (
     model_identifier,
     xml_text,
 )
+from uuvsim_cosim.fmus.export.web_assembly import MANIFEST, component_file, manifest
 from uuvsim_cosim.fmus.pairs import MADE_FOR, PEERS, pairs_text
 from uuvsim_cosim.models.declaration.library import declare_source
 from uuvsim_cosim.models.declaration.model import Model
@@ -47,8 +49,8 @@ def build_fmu(
     """Build an .fmu from a declaration, `model`, and return its path.
 
     It is `target` (a file, or a folder), else in the cache. `fmi` is the version, 2 or 3;
-    `platforms` are "host", "linux64", "win64", "darwin64", "aarch64-linux", "aarch64-darwin". The
-    same declaration, platforms and compiler give the same bytes. Raises ToolchainError if a
+    `platforms` are "host", "linux64", "win64", "darwin64", "aarch64-linux", "aarch64-darwin", and
+    with FMI 3.0 "wasm32", which needs the extra `sandbox`. The same declaration, platforms and compiler give the same bytes. Raises ToolchainError if a
     platform cannot be compiled for, and InputInvalid if `target` cannot be written.
 
     Example:
@@ -86,9 +88,19 @@ def build_fmu(
     for name, pairs in ((PEERS, declared.peers), (MADE_FOR, vehicles)):
         if pairs:
             texts[name] = pairs_text(name, pairs)
-    return packed(
-        texts, identifier, sources, fmi, wanted, lambda p: compile_fmu(lowered, p.fmi2), target
-    )
+
+    def library(place: Platform) -> Path:
+        if place is not WASM32:
+            return compile_fmu(lowered, place.fmi2)
+        shells = [runtime_file("uuv_runtime.c"), runtime_file("fmi3_shell.c")]
+        return component_file(
+            [*shells, *generated_sources(lowered.files)],
+            name=identifier,
+            description=texts["modelDescription.xml"],
+            include=[*runtime(), fmi_headers()],
+        )
+
+    return packed(texts, identifier, sources, fmi, wanted, library, target)
 
 
 def build_many(
@@ -141,6 +153,13 @@ def packed(
     `texts` are members by name. Added to them are the libraries, the licences, and in FMI 3.0 the
     list of the `sources`, if the FMU can be compiled from them.
     """
+    if WASM32 in platforms:
+        if fmi == 2:
+            raise InputInvalid(
+                "platform wasm32", "FMI 2.0, for which the layered standard has no WebAssembly",
+                "FMI 3.0 (--fmi 3)",
+            )  # fmt: skip
+        texts = {**texts, MANIFEST: manifest()}
     # This notice must accompany a binary that was made with FMI's headers.
     notice = (fmi_headers() / f"fmi{fmi}FunctionTypes.h").read_text(encoding="utf-8")
     notice = notice[notice.index("Copyright") :].partition("*/")[0].strip()

@@ -6,12 +6,14 @@ import shutil
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from importlib.util import find_spec
 
 import numpy as np
 
 from uuvsim_cosim.errors import InputInvalid, SystemInvalid
 from uuvsim_cosim.fmus.resources import refuse_unless_it_fits
 from uuvsim_cosim.kernels.codegen.fusible import fused_of
+from uuvsim_cosim.kernels.verification.emulated import EMULATOR, emulator
 from uuvsim_cosim.kernels.verification.ways import (
     COMPILERS,
     TEXTS,
@@ -114,12 +116,13 @@ def verify(
     missing = [
         *(f"the compiler {c}" for c in COMPILERS if c != "zig" and shutil.which(c) is None),
         *(["node, for WebAssembly"] if fused and node() is None else []),
-        "other processors, such as aarch64: this command cannot emulate them yet",
+        *(["wasmtime, for FMUs as WebAssembly"] if find_spec("wasmtime") is None else []),
+        *([f"{EMULATOR}, for aarch64"] if fused and emulator() is None else []),
     ]
     outcomes: list[Outcome] = []
     reference: tuple[str, Rows] | None = None
     difference: tuple[int, Difference] | None = None
-    for way in ways_of(fused=fused, node=node() is not None):
+    for way in ways_of(fused=fused, node=node() is not None, emulator=emulator() is not None):
         progress(_named(way))
         begun = time.perf_counter()
         with by_compiler(way.compiler):

@@ -1,4 +1,4 @@
-"""Ways to run a system: as FMUs, native components, a kernel, or WebAssembly, by a compiler.
+"""Ways to run a system: FMUs, native components, a kernel, WebAssembly, an emulated processor.
 
 Each returns the bits of all outputs at all communication points as an array (points, elements).
 """
@@ -10,6 +10,7 @@ import shutil
 from collections.abc import Callable, Collection, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from importlib.util import find_spec
 from typing import Literal, get_args
 
 import numpy as np
@@ -19,8 +20,10 @@ from uuvsim_cosim.fmus.description import Variable, VariableType
 from uuvsim_cosim.fmus.export.model_description import FmiVersion
 from uuvsim_cosim.kernels.kernel import fuse
 from uuvsim_cosim.kernels.system_fmu.system_fmu import build_system_fmu
+from uuvsim_cosim.kernels.verification.emulated import run_emulated
 from uuvsim_cosim.kernels.web_assembly.module import web_assembly
 from uuvsim_cosim.kernels.web_assembly.node import run_in_node
+from uuvsim_cosim.orchestrator.master.isolation import WASM
 from uuvsim_cosim.orchestrator.master.master import Master
 from uuvsim_cosim.orchestrator.master.observer import Chunk, Column
 from uuvsim_cosim.orchestrator.master.prepared import prepare
@@ -68,8 +71,12 @@ class Way:
     run: Callable[[System, int, int], Rows]
 
 
-def ways_of(*, fused: bool, node: bool) -> list[Way]:
-    """List the ways, the reference first; `fused` ones need declarations, `node` needs node."""
+def ways_of(*, fused: bool, node: bool, emulator: bool = False) -> list[Way]:
+    """List the ways, the reference first.
+
+    `fused` ones need declarations; `node` and `emulator` say whether this machine has them.
+    wasmtime is used if it is installed.
+    """
     found = []
     for compiler in COMPILERS:
         if compiler != "zig" and shutil.which(compiler) is None:
@@ -82,6 +89,9 @@ def ways_of(*, fused: bool, node: bool) -> list[Way]:
         add("an FMU for each component", lambda *a: _mastered(*a, backend="fmu"), compiler)
         if compiler == "zig":
             add("isolated FMUs", lambda *a: _mastered(*a, backend="fmu", isolate="*"), compiler)
+        if compiler == "zig" and find_spec("wasmtime") is not None:
+            name = "FMUs as WebAssembly in wasmtime"
+            add(name, lambda *a: _mastered(*a, backend="fmu", isolate=[WASM]), compiler)
         if not fused:
             continue
         versions: tuple[FmiVersion, ...] = (2, 3)
@@ -95,6 +105,8 @@ def ways_of(*, fused: bool, node: bool) -> list[Way]:
             add(name, lambda *a, t=threads: _fused(*a, threads=t), compiler)
         if node and compiler == "zig":
             add("WebAssembly in node", _in_node, compiler)
+        if emulator and compiler == "zig":
+            add("aarch64 in qemu", _emulated, compiler)
     return found
 
 
@@ -179,3 +191,7 @@ def _fused(system: System, steps: int, seed: int, *, lanes: int = 8, threads: in
 
 def _in_node(system: System, steps: int, seed: int) -> Rows:
     return run_in_node(web_assembly(system), steps, seed=seed).rows
+
+
+def _emulated(system: System, steps: int, seed: int) -> Rows:
+    return run_emulated(system, steps, seed=seed)
