@@ -112,7 +112,10 @@ def test_parameters_are_read_set_and_listed(station: Station) -> None:
     assert param.get_param_float("HULL_M") == 12.0
     assert station.conductor.get(ME, ["hull.m"])["hull.m"] == 12.0
     names = {p.name for p in param.get_all_params().float_params}
-    assert names == {"SYSID_THISMAV", *station.services._parameters}
+    outputs = {f"SERVO{i}_FUNCTION" for i in range(1, 9)} | {
+        f"MOT_{i}_DIRECTION" for i in range(1, 9)
+    }
+    assert names == {"SYSID_THISMAV", "FRAME_CONFIG", *outputs, *station.services._parameters}
 
 
 def test_a_mission_is_downloaded_as_it_was_uploaded(station: Station) -> None:

@@ -123,6 +123,9 @@ def test_mission_is_uploaded_flown_and_downloaded_and_its_log_is_read(
     path.write_bytes(data)
     read = read_log(path)
     assert {"eta", "nu", "u"} <= set(read.values_by_name)
+    assert read.metadata["vehicle"] == "bluerov2_heavy"
+    thrust_up = read["u"][:, 4:].sum(axis=1)  # positive at first: it dives, so the sum is negative
+    assert thrust_up[read.time < 1.0].mean() < 0.0
     depth = read.values_by_name["eta"][:, 2]
     assert np.nanmax(depth) == pytest.approx(3.0, abs=1.0)
     kinds = set()

@@ -356,7 +356,7 @@ class Services:
     def _values(self) -> dict[str, float]:
         values = self._service.get(self._client, list(self._parameters.values()))
         found = {short: float(values[name]) for short, name in self._parameters.items()}
-        return {"SYSID_THISMAV": float(self._id), **found}
+        return {"SYSID_THISMAV": float(self._id), **_outputs(len(self.state.u)), **found}
 
     def _send_parameter(self, name: str, values: dict[str, float], peer: Any) -> None:
         number = list(values).index(name)
@@ -501,3 +501,16 @@ class Services:
         if s.time - self._held_since >= hold and missions.current + 1 < len(missions.items):
             missions.current += 1
             self._held_since = None
+
+
+def _outputs(count: int) -> dict[str, float]:
+    """Return ArduSub's parameters of `count` motors that push along the thrusters' directions.
+
+    In the frames `vectored` and `vectored_6dof` a positive output of ArduSub pushes against them.
+    """
+    frame = {6: 1.0, 8: 2.0}.get(count, 7.0)  # vectored, vectored_6dof, custom
+    found = {"FRAME_CONFIG": frame}
+    for i in range(1, count + 1):
+        found[f"SERVO{i}_FUNCTION"] = 32.0 + i
+        found[f"MOT_{i}_DIRECTION"] = 1.0 if frame == 7.0 else -1.0
+    return found

@@ -38,14 +38,6 @@ def identify_command(
             help="Recording: folder of a run, .parquet, .mcap, .csv, or ArduSub's .BIN or .tlog."
         ),
     ],
-    system: Annotated[
-        str,
-        typer.Option(
-            "--system",
-            autocompletion=systems_and_models,
-            help="System by name or file, or a hull such as model:bluerov2.",
-        ),
-    ],
     parameters: Annotated[
         str,
         typer.Option(
@@ -54,6 +46,19 @@ def identify_command(
             help="Parameters to fit, separated by commas: D_q_11,M_A_11,thruster_*.K_n.",
         ),
     ],
+    system: Annotated[
+        str | None,
+        typer.Option(
+            "--system",
+            autocompletion=systems_and_models,
+            help="System by name or file, or a hull such as model:bluerov2. "
+            "By default the vehicle that an ArduSub log names.",
+        ),
+    ] = None,
+    log_parameters: Annotated[
+        Path | None,
+        typer.Option("--log-parameters", help="File of ArduSub's parameters that the log lacks."),
+    ] = None,
     replace: Annotated[
         list[str] | None,
         typer.Option(
@@ -111,12 +116,15 @@ def identify_command(
 
     Multiple shooting on the declared equations, 95 % intervals, and a more informative manoeuvre.
     """
-    from uuvsim_cosim.studies.identification.identify import identify, system_of
+    from uuvsim_cosim.studies.identification.identify import identify, recorded_system
+    from uuvsim_cosim.studies.identification.logs import read_log, read_parameter_file
     from uuvsim_cosim.studies.identification.save import save_as as save
 
     if manoeuvre is not None and no_proposals:
         raise InputInvalid("--manoeuvre: with --no-proposals there is no manoeuvre to write")
-    edited = system_of(system)
+    given = read_parameter_file(log_parameters) if log_parameters is not None else {}
+    signals = read_log(recording, given)
+    edited = recorded_system(signals, system)
     sources = assignments("--replace", replace or [], "component=source", dotted=False)
     for pattern, source in sources.items():
         for component in [c for c in edited.components if fnmatchcase(c, pattern)] or [pattern]:
@@ -125,7 +133,7 @@ def identify_command(
     for path, value in values.items():
         edited = edited.set(path, value_of(value))
     found = identify(
-        recording,
+        signals,
         edited,
         parameters.split(","),
         mapped=assignments("--map", map_ or [], "component.variable=signal", dotted=True),

@@ -20,7 +20,9 @@ from uuvsim_cosim.studies.identification.ambiguity import WEAK, ambiguities, sca
 if TYPE_CHECKING:
     from uuvsim_cosim.studies.identification.experiment import Proposal
 
-__all__ = ["Actuator", "Identified", "Number", "identify", "system_of", "unanswered"]
+__all__ = [
+    "Actuator", "Identified", "Number", "identify", "recorded_system", "system_of", "unanswered",
+]  # fmt: skip
 
 Array = NDArray[np.float64]
 
@@ -110,7 +112,7 @@ class Identified:
 
 def identify(
     recording: Signals | str | Path,
-    system: System | str | Path,
+    system: System | str | Path | None,
     parameters: Sequence[str],
     *,
     mapped: Mapping[str, str] | None = None,
@@ -123,7 +125,9 @@ def identify(
     """Fit parameters of a system to a recording, by multiple shooting on its own equations.
 
     `recording` is a folder, .parquet, .mcap, .csv, ArduSub's .BIN or .tlog, or `Signals`; `system`
-    is a name, a file, a `System`, or a hull alone (``model:bluerov2``). `parameters` are names such
+    is a name, a file, a `System`, or a hull alone (``model:bluerov2``), which gets the thrusters of
+    its folder if the recording has commands and no forces; None takes the vehicle that a log
+    names. `parameters` are names such
     as ``D_q_11`` (of the hull), ``hull.m``, ``thruster_*.K_n`` (one number for all). `mapped` maps
     a signal of the system to that of the recording that stands for it. `hull` is the path of the
     hull, if the system has several. `step` [s] is that of the grid, and only the time from `first`
@@ -150,9 +154,10 @@ def identify(
     from uuvsim_cosim.studies.identification.signals import MEASURED, Lookup, grid_of
 
     signals = recording if isinstance(recording, Signals) else read_log(recording)
-    mixed = system if isinstance(system, System) else system_of(system)
+    mixed = system if isinstance(system, System) else recorded_system(signals, system)
     plan = flatten(mixed.with_mismatches("warn"))  # a hull whose numbers are sought is another
     at = _hull(plan, hull)
+    _check_thrusters(signals, plan)
     fitted = wanted_parameters(plan, at, parameters)
     box = GreyBox(plan, at, fitted, exact="tick" in signals.metadata)
     grid = grid_of(box, Lookup(signals, mapped or {}), h=step, first=first, last=last)
@@ -170,6 +175,8 @@ def identify(
     notes = [
         f"{n.name} is at its bound: its interval is not reliable" for n in numbers if n.at_bound
     ]
+    notes += [*signals.metadata.get("remarks", ())]
+    notes += [f"left out: {e}" for e in signals.metadata.get("excluded", ())]
     if grid.computed:
         notes.append(f"computed from recorded signals: {', '.join(grid.computed)}")
     measured = {n: bool(np.isfinite(y).any()) for n, y in zip(MEASURED, grid.y, strict=True)}
@@ -238,6 +245,43 @@ def system_of(source: str | Path) -> System:
     from uuvsim_cosim.orchestrator.running.library import load
 
     return load(source)
+
+
+def recorded_system(signals: Signals, source: str | Path | None) -> System:
+    """Load a system for a recording; a hull alone gets its thrusters if they were recorded."""
+    if source is None:
+        vehicle = signals.metadata.get("vehicle")
+        if vehicle is None:
+            frame = signals.metadata.get("frame")
+            why = f" (frame {frame})" if frame else ""
+            raise InputInvalid(
+                f"the recording does not name a vehicle of this package{why}",
+                "--system with a system, or with a hull such as model:bluerov2",
+            )
+        source = f"model:{vehicle}"
+    system = system_of(source)
+    names = {name.rpartition(".")[2] for name in signals}
+    if str(source).startswith("model:") and "u" in names and "tau" not in names:
+        from uuvsim_cosim.orchestrator.shipped.actuators import with_actuators
+
+        system, _ = with_actuators(system, str(source).removeprefix("model:").partition("?")[0])
+    return system
+
+
+def _check_thrusters(signals: Signals, plan: Plan) -> None:
+    """Refuse the log of a vehicle with another number of motors than the system has thrusters."""
+    frame = signals.metadata.get("frame")
+    motors = signals["u"].shape[1] if frame is not None else 0
+    for c in plan.components:
+        shape = (
+            c.description.variables["thrust"].shape if "thrust" in c.description.variables else ()
+        )
+        if frame is not None and len(shape) == 1 and shape[0] != motors:
+            raise InputInvalid(
+                f"the log is of a vehicle with {motors} motors (frame {frame}), and {c.path} has "
+                f"{shape[0]} thrusters",
+                "a system of the vehicle that was recorded",
+            )
 
 
 def _hull(plan: Plan, wanted: str | None) -> int:

@@ -1,16 +1,11 @@
-"""Recordings and logs of vehicles as signals: Parquet, MCAP and CSV, ArduSub's .BIN and .tlog.
-
-A log gives `eta`, `nu`, `u` and `voltage`: attitude and rates as logged, position and velocity of
-the estimator (velocity in body axes), u = (pwm - 1500 us) / 400 us. Each message has its own time.
-At other times its values are NaN, except commands and voltage, which are held.
-"""
+"""Recordings and logs of vehicles as signals: Parquet, MCAP and CSV, ArduSub's .BIN and .tlog."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from math import pi
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +15,7 @@ from uuvsim_cosim.models.declaration.element_names import split_element_name
 from uuvsim_cosim.orchestrator.recording.recording_reader import read_signals
 from uuvsim_cosim.orchestrator.recording.signals import Signals
 
-__all__ = ["read_log"]
+__all__ = ["read_log", "read_parameter_file"]
 
 Array = NDArray[np.float64]
 _TIME = ("time", "t", "t_s", "time_s")
@@ -41,8 +36,11 @@ _FACTORS = {
 }
 
 
-def read_log(path: str | Path) -> Signals:
-    """Read a recording or a log by its suffix; raises InputInvalid or RecordingError."""
+def read_log(path: str | Path, parameters: Mapping[str, float] | None = None) -> Signals:
+    """Read a recording or a log by its suffix; raises InputInvalid or RecordingError.
+
+    `parameters` are an autopilot's, in addition to those of its log.
+    """
     path = Path(path)
     if not path.exists():
         raise InputInvalid(
@@ -52,7 +50,7 @@ def read_log(path: str | Path) -> Signals:
     if suffix == ".csv":
         return _csv(path)
     if suffix in (".bin", ".tlog"):
-        return _ardupilot(path)
+        return _ardusub(path, parameters or {})
     if path.is_file() and suffix not in (".parquet", ".arrows", ".mcap"):
         raise InputInvalid(
             path,
@@ -147,123 +145,29 @@ def _signals(t: Array, values: Mapping[str, Array], path: Path) -> Signals:
 # ---- ArduSub ----------------------------------------------------------------------------------
 
 
-def _ardupilot(path: Path) -> Signals:
+def _ardusub(path: Path, parameters: Mapping[str, float]) -> Signals:
+    from uuvsim_cosim.studies.identification.ardusub import signals_of_log
+    from uuvsim_cosim.studies.identification.dataflash_log import read_dataflash
+    from uuvsim_cosim.studies.identification.telemetry_log import read_telemetry
+
+    log = (read_dataflash if path.suffix.lower() == ".bin" else read_telemetry)(path)
+    return signals_of_log(replace(log, parameters={**log.parameters, **parameters}))
+
+
+def read_parameter_file(path: str | Path) -> dict[str, float]:
+    """Read parameters of an autopilot: NAME VALUE, NAME,VALUE, or QGroundControl's five columns."""
+    path = Path(path)
     try:
-        from pymavlink import mavutil
-    except ImportError:
-        raise InputInvalid(
-            path, "logs of ArduSub are read by pymavlink", "`pip install 'uuvsim-cosim[mavlink]'`"
-        ) from None
-    wanted = ["ATTITUDE", "LOCAL_POSITION_NED", "SERVO_OUTPUT_RAW", "SYS_STATUS",
-              "ATT", "XKF1", "NKF1", "IMU", "RCOU", "BAT"]  # fmt: skip
-    kept: dict[str, list[tuple[float, list[float]]]] = {}
-    names: set[str] = set()
-    with path.open("rb") as file:
-        head = file.read(9)
-    if path.suffix.lower() == ".bin":
-        good, expected = head[:2] == b"\xa3\x95", "a dataflash log of ArduPilot"
-    else:
-        good, expected = head[8:9] in (b"\xfe", b"\xfd", b"\x55"), "a telemetry log of MAVLink"
-    if not good:
-        raise InputInvalid(path, f"begins with {head.hex(' ') or 'nothing'}", expected)
-    log: Any = None
-    try:
-        log = mavutil.mavlink_connection(str(path), dialect="ardupilotmega")
-        while (message := log.recv_match()) is not None:
-            kind = message.get_type()
-            names.add(kind)
-            if kind in wanted:
-                _keep(kept, kind, message)
-    except Exception as error:
-        reason = str(error).splitlines()[0] if str(error) else type(error).__name__
-        raise InputInvalid(
-            path, f"is no log that pymavlink reads ({reason})", ".BIN or .tlog"
-        ) from None
-    finally:
-        if log is not None:
-            log.close()
-    lacking = []
-    if not {"att", "rates", "state"} & kept.keys():
-        lacking.append("attitude or position (ATT, XKF1; ATTITUDE, LOCAL_POSITION_NED)")
-    if "pwm" not in kept:
-        lacking.append("the thrusters' commands (RCOU; SERVO_OUTPUT_RAW)")
-    if lacking:
-        there = ", ".join(sorted(names - {"BAD_DATA", "FMT"})[:12]) or "nothing"
-        raise InputInvalid(f"{path}: lacks {' and '.join(lacking)}; there are {there}")
-    return _merged(kept, path)
-
-
-def _keep(kept: dict[str, list[tuple[float, list[float]]]], kind: str, m: Any) -> None:
-    def put(name: str, t: float, values: list[float]) -> None:
-        kept.setdefault(name, []).append((t, values))
-
-    if kind == "ATTITUDE":
-        t = m.time_boot_ms / 1e3
-        put("att", t, [m.roll, m.pitch, m.yaw])
-        put("rates", t, [m.rollspeed, m.pitchspeed, m.yawspeed])
-    elif kind == "LOCAL_POSITION_NED":
-        put("state", m.time_boot_ms / 1e3, [m.x, m.y, m.z, m.vx, m.vy, m.vz])
-    elif kind == "SERVO_OUTPUT_RAW" and m.port == 0:
-        pwm = [float(getattr(m, f"servo{i}_raw", 0) or 0) for i in range(1, 17)]
-        put("pwm", m.time_usec / 1e6, pwm)
-    elif kind == "SYS_STATUS" and kept.get("att") and m.voltage_battery < 65535:
-        put("voltage", kept["att"][-1][0], [m.voltage_battery / 1e3])
-    elif kind == "ATT":
-        put("att", m.TimeUS / 1e6, [v * pi / 180.0 for v in (m.Roll, m.Pitch, m.Yaw)])
-    elif kind in ("XKF1", "NKF1") and getattr(m, "C", 0) == 0:
-        put("state", m.TimeUS / 1e6, [m.PN, m.PE, m.PD, m.VN, m.VE, m.VD])
-    elif kind == "IMU" and getattr(m, "I", 0) == 0:
-        put("rates", m.TimeUS / 1e6, [m.GyrX, m.GyrY, m.GyrZ])
-    elif kind == "RCOU":
-        pwm = [float(getattr(m, f"C{i}", 0) or 0) for i in range(1, 15)]
-        put("pwm", m.TimeUS / 1e6, pwm)
-    elif kind == "BAT" and getattr(m, "Inst", 0) == 0:
-        put("voltage", m.TimeUS / 1e6, [m.Volt])
-
-
-def _merged(kept: Mapping[str, list[tuple[float, list[float]]]], path: Path) -> Signals:
-    """Merge the times of all messages, in seconds since the first command."""
-    series: dict[str, tuple[Array, Array]] = {}
-    for name, rows in kept.items():
-        t = np.array([r[0] for r in rows])
-        order = np.argsort(t, kind="stable")
-        series[name] = (np.round(t[order], 4), np.array([r[1] for r in rows], dtype=float)[order])
-    time = np.unique(np.concatenate([t for t, _ in series.values()]))
-    begin = series["pwm"][0][0]
-    time = time[time >= begin]
-    eta, nu = np.full((len(time), 6), np.nan), np.full((len(time), 6), np.nan)
-
-    def place(name: str) -> tuple[NDArray[np.intp], Array]:
-        t, values = series[name]
-        t, first = np.unique(t, return_index=True)
-        inside = t >= begin
-        return np.searchsorted(time, t[inside]), values[first][inside]
-
-    for name, to in (("att", eta), ("rates", nu)):
-        if name in series:
-            at, values = place(name)
-            to[at, 3:] = values
-    if "state" in series:
-        at, values = place("state")
-        eta[at, :3] = values[:, :3]
-        if "att" in series:
-            from scipy.spatial.transform import Rotation
-
-            t, angles = series["att"]  # interpolated between the samples of attitude
-            unwrapped = np.unwrap(angles, axis=0)
-            euler = np.stack([np.interp(time[at], t, unwrapped[:, k]) for k in range(3)], axis=1)
-            nu[at, :3] = Rotation.from_euler("ZYX", euler[:, ::-1]).inv().apply(values[:, 3:])
-    pwm = _held(time, *series["pwm"])
-    used = [i for i in range(pwm.shape[1]) if np.any(pwm[:, i] > 0)]
-    pwm = pwm[:, : max(used, default=0) + 1]
-    u = np.where(pwm > 0, np.clip((pwm - 1500.0) / 400.0, -1.0, 1.0), 0.0)
-    values_by_name: dict[str, Array] = {"eta": eta, "nu": nu, "u": u}
-    if "voltage" in series:
-        values_by_name["voltage"] = _held(time, *series["voltage"])[:, 0]
-    return _signals(time - begin, values_by_name, path)
-
-
-def _held(time: Array, t: Array, values: Array) -> Array:
-    i = np.clip(np.searchsorted(t, time, side="right") - 1, 0, len(t) - 1)
-    held: Array = values[i]
-    return held
+        lines = path.read_text(encoding="utf-8").splitlines()
+    except (OSError, UnicodeDecodeError) as error:
+        raise InputInvalid(path, f"cannot be read: {error}", "a file of parameters") from None
+    found = {}
+    for n, line in enumerate(lines, 1):
+        words = line.split("#")[0].replace(",", " ").split()
+        if not words:
+            continue
+        name, value = words[2:4] if len(words) == 5 else (*words, "")[:2]
+        if not _is_number(value):
+            raise InputInvalid(f"{path}:{n}", line.strip()[:60], "a name and a number")
+        found[name] = float(value)
+    return found

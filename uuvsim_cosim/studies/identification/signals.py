@@ -23,6 +23,7 @@ from uuvsim_cosim.orchestrator.plan.plan import Plan
 from uuvsim_cosim.orchestrator.recording.signals import Signals
 from uuvsim_cosim.orchestrator.system.resolve import resolve
 from uuvsim_cosim.orchestrator.system.sources import ModelSource
+from uuvsim_cosim.studies.identification.exclusions import kept_spans
 from uuvsim_cosim.studies.identification.fitted_model import Feed, GreyBox, feed_of
 
 __all__ = ["ANGLES", "MEASURED", "Grid", "Lookup", "grid_of"]
@@ -106,6 +107,7 @@ def grid_of(
     box: GreyBox, lookup: Lookup, *, h: float | None, first: float, last: float | None
 ) -> Grid:
     """Lay the signals that `box` needs on a grid from `first` to `last` [s]."""
+    first, last = _longest_span(lookup.signals, first, last)
     t, place = _times(lookup.signals, first, last)
     # Delayed inputs of the first steps lie before the recording: the grid begins after them.
     begin = float(t[min(np.searchsorted(t, t[0] + max((f.delay for f in box.feeds), default=0.0)
@@ -165,6 +167,19 @@ def grid_of(
     return Grid(
         grid - grid[0], step, w, y, tuple(supply.computed), tuple(n for n in (eta, nu) if n)
     )
+
+
+def _longest_span(signals: Signals, first: float, last: float | None) -> tuple[float, float | None]:
+    """Return the longest span without an excluded part; all time if nothing is excluded."""
+    excluded = signals.metadata.get("excluded", ())
+    if not excluded:
+        return first, last
+    end = float(signals.time[-1]) if last is None else last
+    spans = kept_spans(list(excluded), first, end)
+    if not spans:
+        raise InputInvalid(f"no part from {first:g} to {end:g} s is fitted: " + "; ".join(
+            str(e) for e in excluded if e.last > first and e.first < end))  # fmt: skip
+    return max(spans, key=lambda s: s[1] - s[0])
 
 
 def _times(signals: Signals, first: float, last: float | None) -> tuple[Array, NDArray[np.intp]]:
