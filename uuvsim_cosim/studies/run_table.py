@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from uuvsim_cosim.envs.randomisation.distributions import Choice
 from uuvsim_cosim.envs.randomisation.mass import hulls_of
+from uuvsim_cosim.envs.randomisation.net_weight import net_weight_of_runs
 from uuvsim_cosim.envs.randomisation.randomisation import Randomisation, Vary
 from uuvsim_cosim.envs.randomisation.targets import Places, Quantity, resolved
 from uuvsim_cosim.envs.task.episode_draws import Draws
@@ -85,14 +86,16 @@ class Runs:
     """Run r is grid point r // len(seeds) under seed r % len(seeds).
 
     A seed draws the same parameters at every grid point, and is the system's seed of its run, so
-    that grid points are compared under the same random numbers. Raises SystemInvalid, and
-    InputInvalid for a grid point without a possible body.
+    that grid points are compared under the same random numbers. Raises SystemInvalid, also from
+    `start` for a mass that the actuators do not carry, and InputInvalid for a grid point without a
+    possible body.
     """
 
     def __init__(
         self, drawn: Randomisation, grid: Sequence[Vary], seeds: Sequence[int], places: Places
     ) -> None:
         self.drawn, self.seeds, self.places = drawn, tuple(seeds), places
+        self.sinking: tuple[str, ...] = ()  # hulls that their actuators do not carry
         self.grid: list[Quantity] = []
         problems: list[Problem] = []
         for axis in grid:
@@ -152,6 +155,7 @@ class Runs:
                     f"definite, or inertia against its triangle rule), the first with {example}",
                     "masses and inertia that agree with each other",
                 )
+        self.sinking = net_weight_of_runs(self.places, start, self.n)
         return start
 
     def columns(self, start: Mapping[str, Array] | None = None) -> dict[str, Array]:

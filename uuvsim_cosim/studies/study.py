@@ -222,7 +222,7 @@ class Study:
         began = time.perf_counter()
         done = folder.done()
         remaining = [r for r in range(self.runs.n) if r not in done]
-        remarks = list(self.drawn.remarks)
+        remarks = [*self.runs.sinking, *self.drawn.remarks]
         used = ""
         if remaining:
             with shown(progress) as report:

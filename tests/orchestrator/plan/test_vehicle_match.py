@@ -11,7 +11,6 @@ from uuvsim_cosim.errors import SystemInvalid
 from uuvsim_cosim.fmus.export.fmu_file import build_fmu
 from uuvsim_cosim.fmus.export.model_description import FmiVersion
 from uuvsim_cosim.models.declaration.library import declare
-from uuvsim_cosim.models.declaration.parameter_files import vehicle_sets
 from uuvsim_cosim.orchestrator.plan.flatten import flatten, plan_to_inspect
 from uuvsim_cosim.orchestrator.running.library import available, load
 from uuvsim_cosim.orchestrator.ssp.ssd import read_ssd, write_ssd

@@ -186,7 +186,8 @@ def _warn_of_mismatches(config: TrainingConfig) -> None:
     from uuvsim_cosim.orchestrator.plan.flatten import flatten
 
     task = make_task(config.task, config.task_options, profile=config.profile)
-    for text in flatten(task.system).warnings:
+    drawn = getattr(task.randomisation, "remarks", ())
+    for text in (*flatten(task.system).warnings, *drawn):
         remark("warning", text)
 
 

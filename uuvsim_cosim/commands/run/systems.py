@@ -10,6 +10,7 @@ import typer
 from uuvsim_cosim.cache import written
 from uuvsim_cosim.commands.run.missions import missions_command
 from uuvsim_cosim.commands.shared.completion import components, of, systems, vehicles
+from uuvsim_cosim.commands.shared.system_options import Force
 from uuvsim_cosim.commands.shared.terminal import file_line, line, number, remark, table
 from uuvsim_cosim.errors import InputInvalid
 
@@ -120,6 +121,7 @@ def new(
     out: Annotated[
         Path | None, typer.Option("--out", "-o", help="File to write; default NAME.ssd.")
     ] = None,
+    force: Force = False,
 ) -> None:
     """Make a complete system from a vehicle's folder, and print its margins and assumptions."""
     if vehicle is not None and Path(name).name != name:
@@ -138,6 +140,7 @@ def new(
     from uuvsim_cosim.orchestrator.ssp.ssd import write_ssd
 
     made = system_of(vehicle or name, mission)  # type: ignore[arg-type]  # it refuses others
+    made = made.with_mismatches("warn") if force else made
     first, *others = made.remarks
     warned = [w for w in flatten(made).warnings if w not in made.notes]
     line(first)

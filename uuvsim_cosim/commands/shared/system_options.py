@@ -61,7 +61,9 @@ VehicleOfMission = Annotated[
 ]
 Force = Annotated[
     bool,
-    typer.Option("--force", help="Run parts that are made for another vehicle; each is a warning."),
+    typer.Option(
+        "--force", help="Accept parts of another vehicle, and masses that sink it, with a warning."
+    ),
 ]
 
 Replacements = Annotated[

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from uuvsim_cosim.envs.randomisation.copula import Copula, copula_problems
 from uuvsim_cosim.envs.randomisation.mass import hulls_of
+from uuvsim_cosim.envs.randomisation.net_weight import net_weight_at_ends
 from uuvsim_cosim.envs.randomisation.targets import Places, Quantity, Vary, resolved, varies
 from uuvsim_cosim.envs.randomisation.yaml_text import read_declared
 from uuvsim_cosim.envs.task.episode_draws import Draws
@@ -36,8 +37,8 @@ class Randomisation:
     one draw. Names are those of `labels`: "hull.m", "hull.D_l[1]", "thruster_3.T_n", or a pattern
     that is drawn together. Draws need a `system`; a task binds its randomisation to its own system.
     The sum of two randomisations draws the parameters of both. Raises SystemInvalid with every
-    problem if the names or distributions do not fit the system, and InputInvalid for arguments of
-    wrong types.
+    problem if the names or distributions do not fit the system, or if the ends of drawn masses are
+    more than the vehicle's actuators carry, and InputInvalid for arguments of wrong types.
 
     Example:
 
@@ -70,6 +71,7 @@ class Randomisation:
         self.system = system
         self.rejected: dict[str, int] = {}  # by hull: draws that were no possible body
         self.drawn = 0
+        self._sinking: tuple[str, ...] = ()
         if system is None:
             return
         self._places = Places(system)
@@ -80,6 +82,7 @@ class Randomisation:
             raise SystemInvalid(problems)
         self._copula = Copula(self.correlation)
         self._hulls = list(hulls_of(self._places, self.names))
+        self._sinking = net_weight_at_ends(self._places, self.quantities, self.correlation)
 
     def bound(self, system: System) -> Randomisation:
         """Return the same randomisation, bound to a `system`.
@@ -156,7 +159,7 @@ class Randomisation:
 
     @property
     def remarks(self) -> tuple[str, ...]:
-        """Messages that state how many draws were not possible bodies.
+        """Messages: masses that actuators do not carry, and draws that were no possible bodies.
 
         Example:
 
@@ -168,11 +171,12 @@ class Randomisation:
         >>> print(drawn.remarks[0])
         hull: ...
         """
-        return tuple(
+        impossible = tuple(
             f"{path}: {count} draws beside the {self.drawn} used were no possible body (M not "
             "positive definite, or inertia against its triangle rule) and were drawn again"
             for path, count in self.rejected.items()
         )
+        return (*self._sinking, *impossible)
 
     def _once(self, draws: Draws, attempt: str) -> dict[str, Array]:
         self._bound()

@@ -39,6 +39,7 @@ from uuvsim_cosim.models.analysis.operating_point import Coordinates
 from uuvsim_cosim.models.control.margins import LoopMargin, margin_of
 from uuvsim_cosim.models.control.vehicle_design import weight_and_buoyancy
 from uuvsim_cosim.models.declaration.files_read import shared_until_changed
+from uuvsim_cosim.models.declaration.kinematics import R, q_of_euler
 from uuvsim_cosim.models.declaration.library import declare
 from uuvsim_cosim.models.declaration.parameter_files import (
     split_address,
@@ -46,12 +47,13 @@ from uuvsim_cosim.models.declaration.parameter_files import (
     vehicle_size,
 )
 
-__all__ = ["FinDesign", "Plane", "design_fins", "fin_margins"]
+__all__ = ["FinDesign", "Plane", "design_fins", "fin_margins", "net_weight_of_level_flight"]
 
 Array = NDArray[np.float64]
 GRID = 6  # speeds of the schedule
 DELTA_MAX = np.radians(20.0)  # larger deflections are not used, whatever the file allows
 TRIM_SHARE = 0.7  # of the deflection, that level flight may need at the slowest speed
+LEVEL_FROM = 0.9  # of the top speed: level flight has to be possible from there on
 FASTEST = 0.97  # of the speed at full command
 ATTACK = 0.35  # largest w / u of level flight
 TURN_SHARE = 0.5  # of the steady turn at the largest deflection
@@ -128,6 +130,7 @@ class FinDesign:
     roll: Plane | None
     shaft: float
     lag: float
+    remarks: tuple[str, ...] = ()  # what the gains leave out
 
     @property
     def assumed(self) -> tuple[str, ...]:
@@ -140,6 +143,7 @@ class FinDesign:
             f"autopilot: fins within {np.degrees(self.delta_max.min()):.3g} deg, wanted pitch "
             f"within {np.degrees(THETA_MAX):.0f} deg",
             *(() if self.roll else ("autopilot: roll is left to weight and buoyancy",)),
+            *self.remarks,
         )
 
 
@@ -165,8 +169,9 @@ def _with_servo(A: Array, B: Array, lag: float) -> tuple[Array, Array]:
 def design_fins(vehicle: str) -> FinDesign:
     """Design the autopilot of a `vehicle` (``id``, ``id@set`` or a folder) with fins.
 
-    Raises ParameterInvalid if fins or propeller are missing, if the fins make no moment in pitch
-    or yaw, or if no speed exists at which the vehicle flies level.
+    If the fins cannot carry the net weight in level flight, the gains are those of the neutrally
+    buoyant vehicle. Raises ParameterInvalid if fins or propeller are missing,
+    if the fins make no moment in pitch or yaw, or if that vehicle does not fly level either.
 
     Example:
 
@@ -244,7 +249,31 @@ def design_fins(vehicle: str) -> FinDesign:
         roll=loops.get("roll"),
         shaft=shaft,
         lag=plant.lag,
+        remarks=plant.remarks,
     )
+
+
+@shared_until_changed
+def net_weight_of_level_flight(vehicle: str) -> tuple[tuple[float, float, float], ...]:
+    """Return (speed [m/s], largest net weight of a light and of a heavy vehicle [N]) by speed.
+
+    The vehicle flies level with the net weights between the two; both are >= 0.
+    """
+    plant = _Plant(vehicle)
+    _, top = plant.speeds()
+    own = plant.weight - plant.buoyancy
+    rows = []
+    for V in np.linspace(0.25 * top, top, 2 * GRID):
+        ends = []
+        for sign in (-1.0, 1.0):
+            low, high = 0.0, plant.weight
+            for _ in range(14):
+                middle = 0.5 * (low + high)
+                plant.added = sign * middle - own
+                low, high = (middle, high) if plant.level(float(V)) else (low, middle)
+            ends.append(low)
+        rows.append((float(V), ends[0], ends[1]))
+    return tuple(rows)
 
 
 def _plane(
@@ -306,6 +335,9 @@ class _Plant:
     def __init__(self, vehicle: str) -> None:
         id, set_ = split_address(vehicle)
         g = fin_geometry(id)
+        self.weight, self.buoyancy = weight_and_buoyancy(vehicle)
+        self.added = 0.0  # N, weight that is added to the hull's own at CO
+        self.remarks: tuple[str, ...] = ()
         file = vehicle_folder(id) / "propeller.yaml"
         if not file.is_file():
             raise ParameterInvalid(f"{vehicle}: no propeller", f"a file {file}")
@@ -320,16 +352,18 @@ class _Plant:
         fins = Coordinates(declare("fins", vehicle=id))
         n = len(g.names)
         s, delta, X = ca.SX.sym("s", 10), ca.SX.sym("delta", n), ca.SX.sym("X")
+        added = ca.SX.sym("added")
         y = fins.functions[0](delta, ca.vertcat(ca.SX.zeros(n), s[4:]))[1]
         tau = y[[i for i, name in enumerate(fins.outputs) if name.startswith("tau[")]]
         x, u = ca.SX(ca.DM(hull.x_0)), ca.SX(ca.DM(hull.u_0))
         x[2:12] = s
         first = hull.inputs.index("tau[1]")
-        u[first : first + 6] = tau + ca.vertcat(X, 0, 0, 0, 0, 0)
+        down = R(q_of_euler(s[1], s[2], s[3]))[2, :].T
+        u[first : first + 6] = tau + ca.vertcat(ca.vertcat(X, 0, 0) + added * down, 0, 0, 0)
         rates = hull.functions[0](x, u)[0][2:12]
         slopes = [ca.densify(ca.jacobian(rates, v)) for v in (s, delta, X)]
-        self.rates = ca.Function("rates", [s, delta, X], [rates])
-        self.slopes = ca.Function("slopes", [s, delta, X], slopes)
+        self.rates = ca.Function("rates", [s, delta, X, added], [rates])
+        self.slopes = ca.Function("slopes", [s, delta, X, added], slopes)
         per_delta = ca.densify(ca.jacobian(tau, delta))
         moments = np.array(ca.Function("moments", [s, delta], [per_delta])(_state(1.0), [0] * n))
         self.delta_max = np.minimum(g.figures["delta_max"], DELTA_MAX)
@@ -359,7 +393,8 @@ class _Plant:
         def left(v: Array) -> Array:
             w, d, X = v
             s = _state(V, float(w), float(np.arctan2(w, V)))
-            return np.array(self.rates(s, self.mix[:, 1] * d, X)).ravel()[[4, 6, 8]]
+            rates = self.rates(s, self.mix[:, 1] * d, X, self.added)
+            return np.array(rates).ravel()[[4, 6, 8]]
 
         found, _, done, _ = fsolve(left, [0.0, 0.0, self.thrust(V, 1.0)], full_output=True)
         w, d, X = map(float, found)
@@ -370,7 +405,7 @@ class _Plant:
     def linear(self, p: _Point) -> tuple[Array, Array, Array]:
         """Return (A, B, B_X) of s by itself (10, 10), by the fins (10, n) and by thrust (10,)."""
         s = _state(p.V, p.w, p.theta)
-        A, B, B_X = (np.array(j) for j in self.slopes(s, self.mix[:, 1] * p.delta, p.X))
+        A, B, B_X = (np.array(j) for j in self.slopes(s, self.mix[:, 1] * p.delta, p.X, self.added))
         return A, B, B_X[:, 0]
 
     def speeds(self) -> tuple[float, float]:
@@ -378,25 +413,37 @@ class _Plant:
         from scipy.optimize import brentq
 
         def spare(V: float) -> float:
-            return float(self.rates(_state(V), 0 * self.mix[:, 1], self.thrust(V, 1.0))[4])
+            still = 0 * self.mix[:, 1]
+            return float(self.rates(_state(V), still, self.thrust(V, 1.0), 0.0)[4])
 
         if not spare(0.05) > 0 > spare(20.0):
             raise ParameterInvalid(f"{self.vehicle}: propeller", "no steady speed below 20 m/s")
         top = FASTEST * float(brentq(spare, 0.05, 20.0))
+        slowest = self._slowest(top)
+        if slowest > LEVEL_FROM * top:
+            self.added = self.buoyancy - self.weight
+            slowest = self._slowest(top)
+            self.remarks = (
+                f"autopilot: gains without the net weight of {-self.added:.3g} N, which level "
+                "flight does not carry",
+            )
+        if slowest > LEVEL_FROM * top:
+            raise ParameterInvalid(
+                f"{self.vehicle}: level flight below {LEVEL_FROM * top:.2g} m/s",
+                f"it needs more than {TRIM_SHARE:g} of the fins' deflection, even if weight and "
+                "buoyancy are equal",
+                "larger fins",
+            )
+        return slowest, top
+
+    def _slowest(self, top: float) -> float:
+        """Return the slowest speed of level flight below the `top` speed [m/s]."""
         slowest = top
         for V in np.linspace(top, 0.25 * top, 40):
             if self.level(float(V)) is None:
                 break
             slowest = float(V)
-        if slowest > 0.9 * top:
-            weight, buoyancy = weight_and_buoyancy(self.vehicle)
-            raise ParameterInvalid(
-                f"{self.vehicle}: level flight with {weight:.4g} N of weight and {buoyancy:.4g} N "
-                "of buoyancy",
-                f"needs more than {TRIM_SHARE:g} of the fins' deflection below {0.9 * top:.2g} m/s",
-                "larger fins, or buoyancy nearer to weight",
-            )
-        return slowest, top
+        return slowest
 
 
 def _state(V: float, w: float = 0.0, theta: float = 0.0) -> list[float]:

@@ -13,8 +13,8 @@ and `share`, 0.2 at first, falls until every loop has a phase margin of 45° and
 If roll or pitch is passive, the loops have to be stable too while the vehicle dives or rises at a
 fifth of its top speed: a fast surge loop and a passive pitch upset each other there.
 
-The commands stay within 0.9 of the largest force. A net weight (weight less buoyancy) beyond that
-in heave is refused, because the vehicle sinks or rises whatever the controller does.
+The commands stay within 0.9 of the largest force. Gains do not depend on the net weight (weight
+less buoyancy): a system whose thrusters do not carry it is refused when it is built.
 """
 
 from __future__ import annotations
@@ -228,8 +228,7 @@ def control_design(vehicle: str) -> VehicleDesign:
     """Design the gains of `lqr` for a `vehicle` (``id`` or ``id@set``) with thrusters.
 
     Weights, limits and margins are as this file's first paragraphs say. Raises ParameterInvalid if
-    surge, heave or yaw is not controlled, if roll or pitch is neither controlled nor stable, or if
-    the vertical thrust cannot carry the net weight.
+    surge, heave or yaw is not controlled, or if roll or pitch is neither controlled nor stable.
     """
     import control
 
@@ -336,30 +335,16 @@ def weight_and_buoyancy(vehicle: str) -> tuple[float, float]:
 
 
 def _carried(vehicle: str, thrusters: Thrusters) -> tuple[str, ...]:
-    """Return a sentence about a large net weight; raises ParameterInvalid for one too large."""
+    """Return a sentence about a large net weight that the vertical thrust carries."""
     weight, buoyancy = weight_and_buoyancy(vehicle)
-    net, largest = weight - buoyancy, float(thrusters.tau_max[2])
-    usable = USED * largest
-    heavy = net > 0.0
-    which = f"{abs(net):.3g} N {'heavier' if heavy else 'lighter'} than the water that it displaces"
-    if abs(net) <= usable:
-        if abs(net) <= NET_SHARE * usable:
-            return ()
-        share = 100 * abs(net) / usable
-        return (f"weight: {which}, {share:.2g} % of the usable vertical thrust ({usable:.3g} N)",)
-    numbers = parameter_set(*split_address(vehicle)).quantities
-    supply = f" at {VOLTAGE:g} V" if thrusters.model == "thruster_t200" else ""
-    neutral = (
-        f"W near B, {buoyancy:.4g} N"
-        if "W" in numbers
-        else f"m near {buoyancy / numbers['g'].value:.4g} kg, the mass at neutral buoyancy"
-    )
-    raise ParameterInvalid(
-        f"{vehicle}: weight {weight:.4g} N, buoyancy {buoyancy:.4g} N",
-        f"it {'sinks' if heavy else 'rises'}, because it is {which}, and its thrusters push "
-        f"{'up' if heavy else 'down'} with {usable:.3g} N ({100 * USED:.0f} % of the largest "
-        f"vertical force both ways, {largest:.3g} N{supply})",
-        f"{neutral}, or stronger vertical thrusters",
+    net, usable = weight - buoyancy, USED * float(thrusters.tau_max[2])
+    if not NET_SHARE * usable < abs(net) <= usable:
+        return ()
+    which = f"{abs(net):.3g} N {'heavier' if net > 0.0 else 'lighter'}"
+    share = 100 * abs(net) / usable
+    return (
+        f"weight: {which} than the water that it displaces, {share:.2g} % of the usable vertical "
+        f"thrust ({usable:.3g} N)",
     )
 
 

@@ -11,9 +11,10 @@ from uuvsim_cosim.fmus.description import Variable
 from uuvsim_cosim.orchestrator.plan.algebraic_loops import apply_loop_policy, iteration_obstacles
 from uuvsim_cosim.orchestrator.plan.hull_checks import hull_warnings
 from uuvsim_cosim.orchestrator.plan.initialization import initialization_order
+from uuvsim_cosim.orchestrator.plan.net_weight import net_weight_findings
 from uuvsim_cosim.orchestrator.plan.plan import Group, Plan, PlannedComponent, Transfer
 from uuvsim_cosim.orchestrator.plan.seeds import component_seeds
-from uuvsim_cosim.orchestrator.plan.vehicle_match import vehicle_mismatches
+from uuvsim_cosim.orchestrator.plan.vehicle_match import or_forced, vehicle_mismatches
 from uuvsim_cosim.orchestrator.system.elements import Loops, step_text
 from uuvsim_cosim.orchestrator.system.resolve import described_by
 from uuvsim_cosim.orchestrator.system.system import System
@@ -43,8 +44,9 @@ def flatten(system: System, seed: int = 0, loops: Loops | None = None) -> Plan:
     The plan lists the components, who steps when, and which value goes where (see `Master`).
 
     `loops` is the policy for algebraic loops, by default the system's own (`System.loops`).
-    Raises SystemInvalid if the policy refuses a loop, or if a component is made for another vehicle
-    than its hull and the system does not allow it (`System.with_mismatches`).
+    Raises SystemInvalid if the policy refuses a loop. It is raised too if a component is made for
+    another vehicle than its hull, or if a vehicle's actuators cannot carry its net weight, unless
+    the system allows it (`System.with_mismatches`).
 
     Example:
 
@@ -58,9 +60,10 @@ def flatten(system: System, seed: int = 0, loops: Loops | None = None) -> Plan:
     """
     flat_ = _Flat(system, seed)
     mixed = vehicle_mismatches(system.name, flat_.components)
+    sinking, far = net_weight_findings(flat_.components)
+    mixed += sinking
     if mixed and system.mismatches == "refuse":
-        allowed = ", or --force (in Python: with_mismatches('warn'))"
-        raise SystemInvalid([replace(p, expected=f"{p.expected}{allowed}") for p in mixed])
+        raise SystemInvalid(or_forced(mixed))
     transfers = flat_.transfers()
     plan = Plan(
         tick=system.base_step,
@@ -68,7 +71,12 @@ def flatten(system: System, seed: int = 0, loops: Loops | None = None) -> Plan:
         transfers=transfers,
         groups=flat_.groups(),
         initialization=initialization_order(flat_.components, transfers),
-        warnings=(*system.notes, *map(str, mixed), *hull_warnings(flat_.components)),
+        warnings=(
+            *system.notes,
+            *map(str, mixed),
+            *far,
+            *hull_warnings(flat_.components),
+        ),
         loops=system.loops if loops is None else loops,
         start=Fraction(str(system.start_time)),
     )

@@ -22,7 +22,7 @@ Values that a user sets are not compared: they are deliberate.
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import combinations
 from math import dist, sqrt
 from pathlib import Path
@@ -51,7 +51,7 @@ from uuvsim_cosim.orchestrator.plan.vehicle_figures import (
     with_set,
 )
 
-__all__ = ["vehicle_mismatches"]
+__all__ = ["or_forced", "vehicle_mismatches"]
 
 SAME = 0.01  # of inertia and damping
 FACTOR = 2.5  # of an inertia, if the component or the hull states no vehicle
@@ -85,6 +85,12 @@ def vehicle_mismatches(name: str, components: Iterable[PlannedComponent]) -> lis
     for c in components:
         levels.setdefault(c.path.rpartition(".")[0], []).append(c)
     return [p for members in levels.values() for p in _of_level(name, members)]
+
+
+def or_forced(problems: Iterable[Problem]) -> list[Problem]:
+    """Return the problems with the option that turns their refusal into a warning."""
+    allowed = ", or --force (in Python: with_mismatches('warn'))"
+    return [replace(p, expected=f"{p.expected}{allowed}") for p in problems]
 
 
 def _of_level(name: str, members: list[PlannedComponent]) -> list[Problem]:

@@ -22,6 +22,7 @@ from uuvsim_cosim.errors import (
     InputInvalid,
     LoopNotConverged,
     RecordingError,
+    SystemInvalid,
     UuvsimError,
 )
 from uuvsim_cosim.fmus.isolation.guard import AtComponentExit, calling_component
@@ -35,6 +36,7 @@ from uuvsim_cosim.orchestrator.master.prepared import prepare
 from uuvsim_cosim.orchestrator.master.real_time import Pace, Punctuality, Steps
 from uuvsim_cosim.orchestrator.plan.flatten import flatten
 from uuvsim_cosim.orchestrator.plan.plan import Plan
+from uuvsim_cosim.orchestrator.plan.vehicle_match import or_forced
 from uuvsim_cosim.orchestrator.recording.recorder import Recorder
 from uuvsim_cosim.orchestrator.recording.recording_reader import read_signals
 from uuvsim_cosim.orchestrator.recording.signals import Signals
@@ -49,6 +51,7 @@ from uuvsim_cosim.orchestrator.running.run_folder import (
     write_run_json,
 )
 from uuvsim_cosim.orchestrator.scenarios.inputs import Driven, held_by, read_inputs, start_values
+from uuvsim_cosim.orchestrator.scenarios.net_weight import net_weight_of_scenario
 from uuvsim_cosim.orchestrator.scenarios.played import Played
 from uuvsim_cosim.orchestrator.scenarios.scenario import Change, Scenario, read_scenario
 from uuvsim_cosim.orchestrator.ssp.ssd import write_ssd
@@ -250,6 +253,11 @@ def run(
         for name, value in start_values(drives, float(plan.start)).items():
             system = system.set(name, value)
         plan = flatten(system, seed)
+    if played is not None:
+        sinking = net_weight_of_scenario(played, plan)
+        if sinking and system.mismatches == "refuse":
+            raise SystemInvalid(or_forced(sinking))
+        plan = replace(plan, warnings=(*plan.warnings, *map(str, sinking)))
     end = _end(played.end if until is None and played is not None else until, system, plan)
     trace: Trace | None = None
     if trace_fmi is not None:
