@@ -192,20 +192,41 @@ def test_a_macro_that_calls_itself_is_refused_with_its_line(tmp_path: Path) -> N
         import_description(tmp_path / "a.xacro")
 
 
-def test_a_mesh_that_lies_near_is_measured_and_one_that_does_not_is_said(tmp_path: Path) -> None:
+def with_mesh(folder: Path, *, inside_out: bool = False, scale: str = "0.001") -> str:
+    """Write a tetrahedron of 300 mm beside a.urdf; return the text of a.urdf."""
     corners = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]]) * 300.0  # mm
     faces = [(0, 2, 1), (0, 1, 3), (0, 3, 2), (1, 2, 3)]
+    faces = [f[::-1] for f in faces] if inside_out else faces
     facets = "".join(
         "facet normal 0 0 0\nouter loop\n"
         + "".join("vertex {} {} {}\n".format(*corners[i]) for i in face)
         + "endloop\nendfacet\n"
         for face in faces
     )
-    (tmp_path / "meshes").mkdir()
-    (tmp_path / "meshes/hull.stl").write_text(f"solid h\n{facets}endsolid h\n")
-    mesh = '<mesh filename="package://tiny/meshes/hull.stl" scale="0.001 0.001 0.001"/>'
+    (folder / "meshes").mkdir()
+    (folder / "meshes/hull.stl").write_text(f"solid h\n{facets}endsolid h\n")
+    mesh = f'<mesh filename="package://tiny/meshes/hull.stl" scale="{scale} 0.001 0.001"/>'
     text = URDF.format(more="").replace('<box size="1.0 0.5 0.2"/>', mesh)
-    text = text.replace('xyz="0.1 0.02 -0.03"', 'xyz="0.1 0.1 0.1"')
+    return text.replace('xyz="0.1 0.02 -0.03"', 'xyz="0.1 0.1 0.1"')
+
+
+@pytest.mark.parametrize("scale", ["0.001", "-0.001"])
+@pytest.mark.parametrize("inside_out", [False, True])
+def test_a_mesh_that_is_inside_out_is_turned_and_reported(
+    inside_out: bool, scale: str, tmp_path: Path
+) -> None:
+    """A scale with a minus mirrors the mesh, which turns no triangle inside out."""
+    file = tmp_path / "a.urdf"
+    file.write_text(with_mesh(tmp_path, inside_out=inside_out, scale=scale))
+    found = import_description(file)
+    assert found.draft.quantities["nabla"].value == pytest.approx(0.3**3 / 6)
+    told = "<collision> mesh hull.stl: 4 of 4 triangles were inside out and are turned"
+    assert any(told in note for note in found.notes) is inside_out
+    assert (told in found.draft.readme) is inside_out
+
+
+def test_a_mesh_that_lies_near_is_measured_and_one_that_does_not_is_said(tmp_path: Path) -> None:
+    text = with_mesh(tmp_path)
     p = numbers(tmp_path / "a.urdf", text)
     assert p["nabla"] == pytest.approx(0.3**3 / 6)
     assert [p["x_b"], p["y_b"], p["z_b"], p["height"]] == pytest.approx(

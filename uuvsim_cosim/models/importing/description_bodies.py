@@ -40,6 +40,7 @@ class Bodies:
     low: Array = field(default_factory=lambda: np.full(3, np.inf))
     high: Array = field(default_factory=lambda: np.full(3, -np.inf))
     unread: list[str] = field(default_factory=list)  # meshes of <collision>, with the cause
+    repaired: list[str] = field(default_factory=list)  # what was changed in meshes that are read
 
     @property
     def shaped(self) -> bool:
@@ -262,10 +263,12 @@ def _add_collision(read: Reader, found: Bodies, collision: _Element, R: Array, r
     try:
         triangles = raw_triangles(file) * scale
         outwards = triangles if scale.prod() > 0 else triangles[:, ::-1]
-        solid = solid_of(repaired(outwards, str(file), turn=True))
+        mesh = repaired(outwards, str(file), turn=True)
+        solid = solid_of(mesh)
     except InputInvalid as error:
         found.unread.append(str(error))
         return
+    found.repaired += [f"{file.name}: {note}" for note in mesh.notes]
     corners = triangles.reshape(-1, 3) @ turned.T + at
     centre = turned @ solid.centre + at
     found.add_shape(solid.volume, centre, corners.min(axis=0), corners.max(axis=0))

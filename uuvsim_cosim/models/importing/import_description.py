@@ -76,6 +76,7 @@ def import_description(path: str | Path) -> DescriptionImport:
     if read.problems:
         raise InputInvalid.of(read.problems)
     notes = list(water.notes) if water is not None else []
+    notes += [f"<collision> mesh {what}" for what in dict.fromkeys(bodies.repaired)]
     if len(bodies.links) > 1:
         notes.append(
             f"{len(bodies.links)} links were added up to one body of {bodies.m:.6g} "
