@@ -1,7 +1,8 @@
 /* Fake autopilot for tests: speaks as ArduSub's SITL does, with a fault of the environment's choice.
 
    FAKE=fault:N does the fault at frame N: silent, dies, repeats, lost, restarts, short, long, magic,
-   early, skips, flood, disarms, no_port; FAKE=replay:FILE sends the pulse widths of a file. Without a fault it
+   early, skips, flood, disarms, no_port; FAKE=polite ends, as ArduSub does, after the line of state that follows
+   SIGTERM; FAKE=replay:FILE sends the pulse widths of a file. Without a fault it
    dives to 5 m. It writes what it receives into its folder: received.txt has the lines of state, and
    before each one the number of MAVLink bytes that were there when the line came; serial.bin has
    those bytes. */
@@ -10,6 +11,7 @@
 #include <fcntl.h>
 #include <netinet/in.h>
 #include <netinet/tcp.h>
+#include <signal.h>
 #include <stdint.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -22,6 +24,13 @@ static int serial, out;
 static FILE *bytes_log;
 static struct sockaddr_in physics;
 static uint8_t mode = 19, armed;
+
+static volatile sig_atomic_t asked_to_end;
+
+static void note_request(int number) {
+    (void)number;
+    asked_to_end = 1;
+}
 
 static uint16_t crc_of(const uint8_t *data, int n) {
     uint16_t crc = 0xffff;
@@ -90,6 +99,7 @@ int main(int argc, char **argv) {
     printf("serial port %d, physics port %d\n", 5760 + 10 * instance, 9002 + 10 * instance);
     fflush(stdout);
     if (!strcmp(fault, "no_port")) { puts("bind port failed"); return 1; }
+    if (!strcmp(fault, "polite")) signal(SIGTERM, note_request);
     int door = socket(AF_INET, SOCK_STREAM, 0), on = 1;
     setsockopt(door, SOL_SOCKET, SO_REUSEADDR, &on, sizeof on);
     struct sockaddr_in here = {.sin_family = AF_INET, .sin_port = htons((uint16_t)(5760 + 10 * instance))};
@@ -133,6 +143,7 @@ int main(int argc, char **argv) {
         line[n] = 0;
         fprintf(log, "%ld %s", bytes, line + 1);
         fflush(log);
+        if (asked_to_end) { puts("ends between two loops"); return 0; }
         const char *p = strstr(line, "\"position\":[");
         double north, east;
         if (!p || sscanf(p, "\"position\":[%lf,%lf,%lf", &north, &east, &depth) != 3) return 4;

@@ -119,6 +119,18 @@ def test_a_lost_autopilot_is_named_and_the_recording_is_complete(
     assert read_signals(caught.value.recording).time[-1] == pytest.approx(0.2475, abs=0.003)
 
 
+def test_an_autopilot_that_ends_between_two_of_its_loops_gets_the_state_that_it_waits_for(
+    fake: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folder = tmp_path / "folder"
+    flown(fake, tmp_path / "run", "polite", monkeypatch, until=0.1, options=f"&folder={folder}")
+    assert (folder / "output.txt").read_text().splitlines()[-1] == "ends between two loops"
+    lines = [x.split(" ", 1)[1] for x in (folder / "received.txt").read_text().splitlines() if x]
+    last, before = (json.loads(x) for x in (lines[-1], lines[-2]))
+    assert last.pop("timestamp") > before.pop("timestamp")
+    assert last == before
+
+
 def test_an_autopilot_that_ends_before_its_serial_port_is_there_is_named(
     fake: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -17,12 +17,12 @@ import math
 from collections.abc import Sequence
 from functools import cache
 from pathlib import Path
-from typing import final
+from typing import Any, final
 
 import numpy as np
 
 from uuvsim_cosim.bridge.autopilots.commands import GUIDED, AutopilotCommands
-from uuvsim_cosim.bridge.autopilots.component import Autopilot, lowered, rotation
+from uuvsim_cosim.bridge.autopilots.component import RATE, Autopilot, lowered, rotation
 from uuvsim_cosim.bridge.autopilots.json_interface import JsonLink, ServoPacket, state_line
 from uuvsim_cosim.bridge.autopilots.sitl_process import (
     HOME,
@@ -41,6 +41,7 @@ from uuvsim_cosim.errors import InputInvalid
 __all__ = ["ArduSub", "source", "thruster_commands"]
 
 _STREAMS, _TARGET = 10.0, 0.5  # s between two requests, and between two reports of its target
+_LAST_LOOPS = 20  # at most, after the request to end; 4.8-dev needs one
 # Beside ArduSub's own parameters of simulated submarines (sub.parm in the binary).
 _PARAMETERS = {
     "FRAME_CONFIG": 2,  # vectored_6dof
@@ -128,11 +129,13 @@ class ArduSub(Autopilot[JsonLink]):
         """Find the binary; it starts at the end of initialization."""
         self._binary = ardusub_binary(options["binary"])
         self._is_aided = options["navigation"] == "sensors"
+        self._state: tuple[float, tuple[Any, ...]] | None = None  # the last one, and its time
         super().__init__(options, path, _DESCRIPTION)
 
     # ---- inside ---------------------------------------------------------------------------
 
     def _begin(self) -> None:
+        self._state = None
         self._link = self._bound(lambda instance: JsonLink(instance, self._timeout))
         number = (self._link.port - 9002) // 10
         parameters = _PARAMETERS | (_AIDED if self._is_aided else {})
@@ -157,13 +160,20 @@ class ArduSub(Autopilot[JsonLink]):
         self._send(timestamp, t)
         x, m = self._inputs, self._motion(timestamp, t)
         voltage, current, altitude = x[self._n_state - 3 : self._n_state]
-        line = state_line(
-            timestamp, m.gyro, m.acc, m.position, x[3:6], x[6:10], m.velocity, altitude, voltage,
-            current,
+        self._state = timestamp, (
+            m.gyro, m.acc, m.position, x[3:6], x[6:10], m.velocity, altitude, voltage, current,
         )  # fmt: skip
-        packet = self._link.exchange(line, self._process.check)
+        packet = self._link.exchange(state_line(timestamp, *self._state[1]), self._process.check)
         self._commands.read()
         self._set_outputs(packet)
+
+    def _let_end(self) -> None:
+        """Send the last state with further times: ArduSub ends between two of its loops."""
+        if self._link is not None and self._state is not None:
+            timestamp, state = self._state
+            self._link.release(
+                state_line(timestamp + k / RATE, *state) for k in range(1, _LAST_LOOPS)
+            )
 
     def _command(self, timestamp: float, t: float | None) -> None:
         assert self._commands is not None

@@ -157,6 +157,8 @@ class Autopilot(ABC, Generic[L]):
     def terminate(self) -> None:
         """End the binary."""
         if self._process is not None:
+            self._process.ask_to_end()
+            self._let_end()
             self._process.close()
         if self._commands is not None:
             self._commands.close()
@@ -210,6 +212,9 @@ class Autopilot(ABC, Generic[L]):
     @abstractmethod
     def _begin(self) -> None:
         """Start the binary and connect to it; the outputs are those of its first packet."""
+
+    def _let_end(self) -> None:
+        """Do what the program needs to end when it has been asked to."""
 
     @abstractmethod
     def _tick(self, timestamp: float, t: float | None) -> None:

@@ -13,7 +13,7 @@ import select
 import socket
 import struct
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from typing import NamedTuple, final
 
 from uuvsim_cosim.errors import InputInvalid, UuvsimError
@@ -169,6 +169,16 @@ class JsonLink:
                     self._where(), f"{strays} packets in a row that are not the next one "
                     f"({self.counts})", "one program that sends servo packets",
                 )  # fmt: skip
+
+    def release(self, answers: Iterable[bytes]) -> None:
+        """Answer further packets, which are dropped, until none arrives at once."""
+        if self._sender is None:
+            return
+        for answer in answers:
+            self._send(answer)
+            if not self._waiting.poll(1e3 * _SLICE):
+                return
+            self._socket.recvfrom(256)
 
     def close(self) -> None:
         """Free the port."""

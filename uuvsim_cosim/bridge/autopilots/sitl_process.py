@@ -139,6 +139,11 @@ class SitlProcess:
             f"the {self._name} binary", f"ended {how}{last}", "it to run until the end"
         )
 
+    def ask_to_end(self) -> None:
+        """Send the request to end, SIGTERM; `close` sends it too, and waits."""
+        with contextlib.suppress(ProcessLookupError, PermissionError):
+            os.killpg(self._process.pid, signal.SIGTERM)
+
     def close(self) -> None:
         """End the process and remove a temporary folder; a second call does nothing."""
         for number in (signal.SIGTERM, signal.SIGKILL):
