@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from uuvsim_cosim.bridge.calls.service import SignalInfo
-from uuvsim_cosim.bridge.ros2.commands import COMMANDS
+from uuvsim_cosim.bridge.ros2.messages.readings import COMMANDS
 from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.models.declaration.near_names import expected_names
 from uuvsim_cosim.models.declaration.parameter_files import line_of, read_yaml
@@ -158,8 +158,8 @@ def _problems(one: Input, system: System) -> Iterator[str]:
     if command is None:
         yield f"type {one.type}; expected one of {', '.join(COMMANDS)}"
         return
-    if not one.signals.keys() <= command.roles.keys() or {"nu", "axes"} <= one.signals.keys():
-        expected = "nu or axes" if "axes" in command.roles else ", ".join(command.roles)
+    if not one.signals.keys() <= command.keys() or {"nu", "axes"} <= one.signals.keys():
+        expected = "nu or axes" if "axes" in command else ", ".join(command)
         yield f"signals {', '.join(one.signals)}; expected {expected}"
         return
     if one.timeout * one.rate < 2.0:
@@ -172,7 +172,7 @@ def _problems(one: Input, system: System) -> Iterator[str]:
                 pilots = ", ".join(system.pilots) or "`--replace pilot=keyboard`, which makes one"
                 yield f"axes: {unknown[0]} is no component that a person pilots; expected {pilots}"
             continue
-        yield from _of_signals(role, names, command.roles[role], one, system)
+        yield from _of_signals(role, names, command[role][1], one, system)
 
 
 def _of_signals(

@@ -18,11 +18,11 @@ import numpy as np
 from uuvsim_cosim.bridge.calls.service import Client, Schema, Service
 from uuvsim_cosim.bridge.http.keyboard import SPEED, YAW_RATE
 from uuvsim_cosim.bridge.http.manual_axes import AXES, manual_axes_of
-from uuvsim_cosim.bridge.ros2.commands import command_values
 from uuvsim_cosim.bridge.ros2.ends import Ends
 from uuvsim_cosim.bridge.ros2.frames import Array
 from uuvsim_cosim.bridge.ros2.inputs import KEEP, Input, System
 from uuvsim_cosim.bridge.ros2.interfaces import decoded
+from uuvsim_cosim.bridge.ros2.messages.readings import command_values
 from uuvsim_cosim.bridge.ros2.rmw_zenoh import KEEP_10, read_attachment
 from uuvsim_cosim.closing import Closing, started
 from uuvsim_cosim.errors import InputInvalid, UuvsimError

@@ -1,8 +1,9 @@
-"""Messages of ROS as signals over time: the inverse of conversions.py, for recorded topics.
+"""Messages of ROS as signals: the inverse of conversions.py, for recorded topics and for commands.
 
 Each type has the paths of the fields that are read and the signals that follow from them, in NED
 and FRD. Signals have the names of the outputs from which such a message is made; those of std_msgs
-have the last part of the topic's name. A quaternion keeps the sign of the one before it.
+have the last part of the topic's name. A quaternion keeps the sign of the one before it. A command
+is one message, whose signals have roles.
 """
 
 from __future__ import annotations
@@ -23,7 +24,7 @@ from uuvsim_cosim.bridge.ros2.frames import (
 )
 from uuvsim_cosim.errors import InputInvalid
 
-__all__ = ["READINGS", "Reading", "field_values"]
+__all__ = ["COMMANDS", "READINGS", "Reading", "command_values", "field_values"]
 
 Fields = Mapping[str, Array]
 _ETA = ("m", "m", "m", "rad", "rad", "rad")
@@ -47,6 +48,28 @@ class Reading:
     gaps: bool = False
 
 
+def command_values(type_: str, message: Any, frame: str, child: str) -> dict[str, Array]:
+    """Return the values of a message by role, in NED and FRD.
+
+    `frame` and `child` are the frames that its header may name; an empty name is accepted, too.
+    Raises InputInvalid for other frames, numbers that are not finite, and no unit quaternion.
+    """
+    for path, expected in (("header.frame_id", frame), ("child_frame_id", child)):
+        named = message
+        for part in path.split("."):
+            named = getattr(named, part, "")
+        if named and named != expected:
+            raise InputInvalid(f"{path} {named[:80]!r}", f"{expected!r}, or none")
+    reading = READINGS[type_]
+    fields = {path: field_values(message, path)[None] for path in reading.fields}
+    signals = reading.signals(fields)
+    values = {role: signals[name][0] for role, (name, _) in COMMANDS[type_].items()}
+    for role, value in values.items():
+        if not np.isfinite(value).all():
+            raise InputInvalid(f"{role} {np.array2string(value)}", "finite numbers")
+    return values
+
+
 def field_values(message: Any, path: str) -> Array:
     """Return the numbers of a field, flat; those of a structure one after the other."""
     for part in path.split("."):
@@ -60,9 +83,10 @@ def field_values(message: Any, path: str) -> Array:
 def _quaternion(q: Array) -> Array:
     """Return quaternions w x y z from FRD to NED without jumps of the sign."""
     norm = np.linalg.norm(q, axis=1)
-    if (wrong := np.flatnonzero(np.abs(norm - 1) > _NORM)).size:
+    if (wrong := np.flatnonzero(np.abs(norm - 1) > _NORM)).size:  # NaN is refused later
         i = wrong[0]
-        raise InputInvalid(f"message {i + 1}: orientation {q[i]}", "a unit quaternion")
+        place = f"message {i + 1}: " if len(q) > 1 else ""
+        raise InputInvalid(f"{place}an orientation of norm {norm[i]:g}", "a unit quaternion")
     turned = from_quaternion(q / norm[:, None])
     turned[0] *= 1.0 if turned[0, 0] >= 0 else -1.0
     flips = np.sum(turned[1:] * turned[:-1], axis=1) < 0
@@ -207,3 +231,14 @@ READINGS: dict[str, Reading] = {
                      "UInt8MultiArray", "Float32", "Float32MultiArray", "Int32")
     },
 }  # fmt: skip
+_VELOCITY = {"nu": ("nu_d", 6), "axes": ("nu_d", 0)}
+# Of the types that can be commands: the signal of each role, and its size (0: any).
+COMMANDS: dict[str, Mapping[str, tuple[str, int]]] = {
+    "geometry_msgs/msg/Twist": _VELOCITY,
+    "geometry_msgs/msg/TwistStamped": _VELOCITY,
+    "geometry_msgs/msg/Wrench": {"tau": ("tau_d", 6)},
+    "geometry_msgs/msg/WrenchStamped": {"tau": ("tau_d", 6)},
+    "geometry_msgs/msg/PoseStamped": {"eta": ("eta_d", 6)},
+    "nav_msgs/msg/Odometry": {"eta": ("eta", 6), "nu": ("nu", 6)},
+    "std_msgs/msg/Float64MultiArray": {"data": ("data", 0)},
+}
