@@ -36,7 +36,7 @@ class System {
   // The name of an element: "allocation.health[3]", "guidance.waypoints[2,1]".
   place(row, element) {
     const index = [];
-    for (let d = row.shape.length - 1, rest = element; d >= 0; d--) { index.unshift(rest % row.shape[d] + 1); rest = Math.floor(rest / row.shape[d]); }
+    for (let d = row.shape.length - 1, rest = element; d >= 0; d--) { index.unshift((d ? rest % row.shape[d] : rest) + 1); rest = Math.floor(rest / row.shape[d]); }
     return index.length ? `${row.name}[${index.join(",")}]` : row.name;
   }
   // Why an element of an input or a parameter cannot have a value, or "".

@@ -103,11 +103,18 @@ class Timeline {
   // The events have changed from a point on: what was computed after it is computed again.
   changed(from) {
     this.due = null;
-    if (from >= this.steps) return;
+    if (this.earliest !== undefined) { this.earliest = Math.min(this.earliest, from); return; }
+    if (from < 0) this.begin();  // a start value was set
+    if (from < 0 || from >= this.steps) return;
     const reached = this.steps;
     this.snapshots = this.snapshots.filter(s => s.steps <= from);
     this.seek(this.snapshots.at(-1).steps);
     this.seek(reached);
+  }
+  // Several changes at once: the past is computed again once.
+  together(change) {
+    this.earliest = Infinity;
+    try { return change(); } finally { const from = this.earliest; this.earliest = undefined; this.changed(from); }
   }
   add(event) {
     event.serial = this.serial++;
@@ -131,7 +138,7 @@ class Timeline {
     if (refused) return refused;
     if (this.steps === 0) {
       this.system.put(name, element, value);
-      this.begin();
+      if (this.earliest === undefined) this.begin(); else this.earliest = -1;
       return "";
     }
     const same = this.events.find(e => !e.kind && e.at === this.steps && e.name === name && e.element === element);

@@ -13,39 +13,39 @@
     const stream = new Blob([bytes]).stream().pipeThrough(new DecompressionStream("deflate-raw"));
     return new Response(stream).arrayBuffer();
   }
-  let system;
+  let system, line;
   try {
     system = new System(data.table, await unpacked(data.module));
   } catch (error) {
     const missing = typeof WebAssembly !== "object" ? "WebAssembly" : typeof DecompressionStream !== "function" ? "DecompressionStream" : "";
     notice(missing ? `This browser has no ${missing}, or it is switched off, so that the system cannot run here. Browsers since 2023 have it.`
       : `The system cannot start: ${error.message}`);
-    document.querySelectorAll(".drive button, .drive select").forEach(e => { e.disabled = true; });
+    document.querySelectorAll("button:not(#theme), select, input, #plan").forEach(e => { e.disabled = true; });
     return;
   }
+  line = new Timeline(system);
 
   // ---- history of all outputs: equal distances in time; every second point goes when it is full ----
   const POINTS = 4000, columns = system.columns.length;
   const times = new Float64Array(POINTS), history = Array.from({ length: columns }, () => new Float64Array(POINTS));
-  let filled = 0, every = 1;
+  let filled = 0, every = 1, steering = null;
   function keep() {
-    if (filled === POINTS) {
+    if (line.steps / every >= POINTS) {
       for (const list of [times, ...history]) for (let k = 0; 2 * k < POINTS; k++) list[k] = list[2 * k];
-      filled = POINTS / 2; every *= 2;
-      if (system.steps % every) return;
+      every *= 2; line.every = every;
+      if (line.steps % every) return;
     }
-    const values = system.values;
-    times[filled] = system.time;
-    for (let j = 0; j < columns; j++) history[j][filled] = values[system.columns[j]];
-    filled++;
+    const values = system.values, at = line.steps / every;
+    times[at] = system.time;
+    for (let j = 0; j < columns; j++) history[j][at] = values[system.columns[j]];
+    filled = at + 1;
     moveScene();
   }
   function advance(n) {
-    while (n > 0) {
-      const piece = Math.min(n, every - system.steps % every), made = system.run(piece);
-      if (system.steps % every === 0) keep();
-      if (made < piece || system.failure) { pause(); notice(system.failure + "."); return false; }
-      n -= piece;
+    for (const end = line.steps + n; line.steps < end;) {
+      if (steering) steering.beat();
+      const piece = steering && steering.on ? steering.every - line.steps % steering.every : end;
+      if (!line.advance(Math.min(piece, end - line.steps))) { pause(); notice(line.failure + "."); return false; }
     }
     return true;
   }
@@ -55,12 +55,12 @@
   let running = false, last = 0, owed = 0, began = [0, 0];
   function pause() { running = false; find("#run").textContent = "run"; find("#rate").textContent = ""; }
   function run() {
-    if (system.failure) return;
+    if (line.failure) return;
     notice(""); running = true; last = performance.now(); owed = 0; began = [last, system.time];
     find("#run").textContent = "pause"; requestAnimationFrame(frame);
   }
   function frame(now) {
-    if (!running) return;
+    if (!running || document.hidden) return;
     const speed = +find("#speed").value, until = performance.now() + SLICE;
     owed = Math.min(owed + (now - last) / 1000 * speed / system.tick, 1e9); last = now;
     let part = Math.max(1, Math.min(64, every));
@@ -74,13 +74,42 @@
     draw(now);
     requestAnimationFrame(frame);
   }
-  function restart() {
-    system.begin(); filled = 0; every = 1; owed = 0; began = [performance.now(), 0]; keep();
-    if (window.uuvsimScene) window.uuvsimScene.clear();
-    notice(system.failure && system.failure + "."); draw();
+  // After a jump in time, or changed events: plots, track and fields show this point.
+  function refresh() {
+    filled = Math.min(filled, Math.floor(line.steps / every) + 1);
+    owed = 0; began = [performance.now(), system.time];
+    if (line.failure) pause();
+    retrace();
+    for (const sync of controls) sync();
+    find("#seed").value = system.seed;
+    find("#back").disabled = line.steps === 0;
+    if (waypoints) waypoints.sync();
+    if (happens) happens.show();
+    draw();
   }
+  function again(begin) {
+    if (steering) steering.release();
+    filled = 0; every = line.every = 1;
+    begin();
+    notice(line.failure && line.failure + ".");
+    refresh();
+  }
+  const restart = () => again(() => line.restart());
+  const seek = step => { pause(); line.seek(Math.max(0, step)); notice(line.failure && line.failure + "."); refresh(); };
+  // A browser does not run a page in the background.
+  let left = 0;
+  document.addEventListener("visibilitychange", () => {
+    if (!running) return;
+    if (document.hidden) { left = performance.now(); return; }
+    notice(`This page was in the background for ${shown(+((performance.now() - left) / 1000).toPrecision(2))} s, where the browser does not run it. It goes on from t = ${system.time.toFixed(2)} s.`);
+    last = performance.now(); owed = 0; began = [last, system.time];
+    requestAnimationFrame(frame);
+  });
 
   // ---- what is seen ----
+  const first = new Map();  // an output's first column in the history
+  let column = 0;
+  for (const row of data.table.output) { first.set(row.name, column); column += row.size; }
   const element = name => {  // "wrench.tau[2]" -> its place in the block
     const [, whole, k] = name.match(/^(.*?)(?:\[(\d+)\])?$/), row = system.rows.get(whole);
     return row.at + (k ? k - 1 : 0);
@@ -96,6 +125,14 @@
       window.uuvsimScene.move(i, some(m.place, 3), q, thrusts.map(f => 1.5 * m.size * f / m.most));
     });
   }
+  function retrace() {  // the tracks of the scene, from the history
+    if (!window.uuvsimScene) return;
+    window.uuvsimScene.clear();
+    movers.forEach((m, i) => {
+      const from = first.get(m.at), step = Math.max(1, Math.floor(filled / 1000));
+      for (let k = 0; k < filled; k += step) window.uuvsimScene.move(i, [0, 1, 2].map(d => history[from + d][k]));
+    });
+  }
   function turn([phi, theta, psi]) {  // a quaternion from Euler angles
     const [c, s] = [Math.cos, Math.sin].map(f => [phi, theta, psi].map(a => f(a / 2)));
     return [c[0] * c[1] * c[2] + s[0] * s[1] * s[2], s[0] * c[1] * c[2] - c[0] * s[1] * s[2],
@@ -108,6 +145,8 @@
     drawn = now || 0;
     find("#time").textContent = `t = ${system.time.toFixed(2)} s, ${system.steps.toLocaleString("en")} steps`;
     find("#hash").textContent = system.hash;
+    find("#back").disabled = line.steps === 0;
+    if (waypoints) waypoints.move();
     const seconds = (performance.now() - began[0]) / 1000;
     if (running && seconds > 0.5) find("#rate").textContent = `${shown(+((system.time - began[1]) / seconds).toPrecision(3))} × real time`;
     for (const u of plots) u.setData([times.subarray(0, filled), ...u.columns.map(j => history[j].subarray(0, filled))]);
@@ -116,9 +155,7 @@
   // ---- plots ----
   const STYLES = ["truth", "estimate", "third", "fourth", "fifth", "sixth", "seventh", "desired"];
   const colour = name => getComputedStyle(root).getPropertyValue("--" + name).trim();
-  const plots = new Set(), first = new Map();
-  let column = 0;
-  for (const row of data.table.output) { first.set(row.name, column); column += row.size; }
+  const plots = new Set();
   const unitOf = (row, k) => row.units.length > 1 ? row.units[k] : row.units[0] || "";
   function swatch(style) {
     const fill = ["fifth", "sixth", "desired"].includes(style) ? "none" : `var(--${style})`;
@@ -129,7 +166,7 @@
     close.setAttribute("aria-label", "remove " + title);
     const keys = make("span", { className: "keys" }), box = make("div", { className: "plot" });
     const card = make("div", { className: "card" }, make("h3", {}, title, make("span", { className: "unit", textContent: unit && unit !== "1" ? `[${unit}]` : "" }), keys, close), box);
-    card.dataset.signal = title;
+    card.dataset.signal = title; card.dataset.unit = unit;
     find("#plots").append(card);
     const grid = { stroke: () => colour("grid"), width: 1 }, ink = { stroke: () => colour("muted"), font: "11px system-ui" };
     const u = new uPlot({
@@ -200,6 +237,7 @@
   };
 
   // ---- parameters and inputs ----
+  const controls = [];  // each shows the present value
   const limits = (row, start) => {
     let low = start < 0 ? 3 * start : start > 0 ? 0 : -1, high = start < 0 ? 0 : start > 0 ? 3 * start : 1;
     if (row.min !== null && row.max !== null) [low, high] = [row.min, row.max];
@@ -211,18 +249,22 @@
     const label = row.name.slice(row.name.lastIndexOf(".") + 1) + (row.shape.length ? `[${k + 1}]` : "");
     const slider = make("input", { type: "range", min: low, max: high, step: row.type === "Float64" ? (high - low) / 500 || "any" : 1, value: start });
     const field = make("input", { type: "number", step: "any", value: start });
-    const line = make("div", { className: "row", title: row.text }, make("span", { textContent: label }), slider, field, make("i", { textContent: unit === "1" ? "" : unit }));
+    const entry = make("div", { className: "row", title: row.text }, make("span", { textContent: label }), slider, field, make("i", { textContent: unit === "1" ? "" : unit }));
     for (const e of [slider, field]) e.setAttribute("aria-label", `${row.name} ${label} ${unit}`);
-    const show = value => { slider.value = field.value = value; line.classList.toggle("changed", value !== start); };
+    const show = value => { slider.value = field.value = value; entry.classList.toggle("changed", value !== start); };
     const set = value => {
-      const refused = system.set(row.name, k, value);
+      const refused = line.set(row.name, k, value);
       notice(refused);
-      if (!refused) show(value);
+      if (refused) return;
+      show(value);
+      if (happens) happens.show();
+      if (!running) draw();
     };
+    controls.push(() => show(line.value(row.name, k)));
     slider.oninput = () => set(+slider.value);
     field.onchange = () => set(field.value === "" ? NaN : +field.value);
-    line.ondblclick = () => set(start);
-    return line;
+    entry.ondblclick = () => set(start);
+    return entry;
   }
   const MOST = 8, groups = new Map();
   for (const row of [...data.table.input, ...data.table.parameter]) {
@@ -238,9 +280,9 @@
     const text = e.target.value.trim().toLowerCase();
     for (const [path, group] of groups) {
       let some = false;
-      for (const line of group.querySelectorAll(".row")) {
-        const hit = (path + "." + line.firstChild.textContent).toLowerCase().includes(text);
-        line.hidden = !hit; some ||= hit;
+      for (const row of group.querySelectorAll(".row")) {
+        const hit = (path + "." + row.firstChild.textContent).toLowerCase().includes(text);
+        row.hidden = !hit; some ||= hit;
       }
       group.hidden = !some; group.open = some && text !== "";
     }
@@ -249,11 +291,19 @@
   // ---- buttons, colours ----
   find("#run").onclick = () => running ? pause() : run();
   find("#step").onclick = () => { pause(); advance(1); draw(); };
+  find("#back").onclick = () => seek(line.steps - 1);
   find("#restart").onclick = restart;
+  find("#replay").onclick = () => again(() => line.seek(0));
   find("#speed").onchange = () => { began = [performance.now(), system.time]; };
+  find("#seed").onchange = e => {
+    const seed = Number(e.target.value);
+    if (Number.isInteger(seed) && seed >= 0 && seed < 2 ** 31) again(() => line.reseed(seed));
+    else { notice("The seed is a whole number from 0 to 2147483647."); e.target.value = system.seed; }
+  };
   document.addEventListener("keydown", e => {
-    if (e.key !== " " || /INPUT|SELECT|BUTTON|SUMMARY/.test(e.target.tagName)) return;
-    e.preventDefault(); find("#run").click();
+    if (/INPUT|SELECT|BUTTON|SUMMARY|CANVAS/.test(e.target.tagName) || e.ctrlKey || e.metaKey || e.altKey) return;
+    const button = { " ": "#run", ",": "#back", ".": "#step" }[e.key];
+    if (button) { e.preventDefault(); find(button).click(); }
   });
   const redraw = () => { for (const u of plots) u.redraw(false); };
   find("#theme").onclick = () => {
@@ -273,15 +323,56 @@
       return { label: String(i + 1), column: first.get(whole) + (k ? k - 1 : 0) };
     }));
   } else if (!data.plots.length) outputs.slice(0, 4).forEach(add);
-  window.uuvsimPage = { system, advance: n => { advance(n); draw(); }, run, pause, restart };
-  restart();
+  // ---- waypoints, faults, steering, link ----
+  const track = () => leader ? [0, 1].map(i => history[first.get(leader.at) + i].subarray(0, filled)) : [[], []];
+  const plotCards = () => [...document.querySelectorAll("#plots [data-signal]")], plotKey = card => `${card.dataset.signal} ${card.dataset.unit}`;
+  const shownPlots = () => plotCards().map(plotKey);
+  const settings = () => ({ ...line.settings(), hash: system.hash, speed: find("#speed").value, ...(root.dataset.theme ? { theme: root.dataset.theme } : {}),
+    plots: shownPlots() });
+  const page = { data, system, line, find, make, shown, notice, run, pause, restart, seek, refresh, track, settings, running: () => running,
+    advance: n => { advance(n); refresh(); } };
+  const waypoints = data.path && leader ? waypointsCard(page, { ...data.path, eta: Array.from({ length: 6 }, (_, i) => system.rows.get(leader.at).at + i) }) : null;
+  const happens = eventsCard(page);
+  steering = data.steered.length ? steeringCard(page, data.steered) : null;
+  line.observe = keep;
+  again(() => line.begin());
   // What the link asks for; what cannot be understood is named, and the rest is done.
-  const ASKED = {
+  const THEMES = /^(light|dark)$/, theme = value => { root.dataset.theme = value; redraw(); };
+  const speed = value => [...find("#speed").options].some(o => o.value === value) && (find("#speed").value = value, true);
+  async function linked(text) {
+    let found;
+    try { found = await settingsOf(text); } catch {
+      return `The link is damaged: its ${text.length.toLocaleString("en")} characters after “link=” cannot be read; expected a link that this page has made. Its settings are ignored.`;
+    }
+    if (found.system !== data.table.name) return `The link has settings of the system “${found.system}”; expected ${data.table.name}. They are ignored.`;
+    const refused = [];
+    again(() => refused.push(...line.load(found)));
+    if (THEMES.test(found.theme)) theme(found.theme);
+    speed(found.speed);
+    if (Array.isArray(found.plots)) {
+      const missing = found.plots.filter(key => !shownPlots().includes(key)).map(key => key.split(" ")[0]);
+      for (const name of new Set(missing)) if (system.rows.has(name)) add(name);
+      for (const card of plotCards()) if (!found.plots.includes(plotKey(card))) card.querySelector(".close").click();
+      draw();
+    }
+    if (refused.length) return `This system refuses ${refused.length === 1 ? "a setting" : `${refused.length} settings`} of the link: ${refused[0]}`;
+    if (found.hash && found.hash !== system.hash) return `At this point the link was made with the hash ${found.hash}: by another version of this page, whose bits differ.`;
+    return "";
+  }
+  const whole = /^\d{1,7}$/, ASKED = {
     __proto__: null,
-    theme: value => /^(light|dark)$/.test(value) && (root.dataset.theme = value, redraw(), true),
-    steps: value => /^\d{1,7}$/.test(value) && (window.uuvsimPage.advance(+value), true),
+    theme: value => THEMES.test(value) && (theme(value), true),
+    seed: value => whole.test(value) && (again(() => line.reseed(+value)), true),
+    speed,
+    steps: value => whole.test(value) && (page.advance(+value), true),
+    link: async value => { const why = await linked(value); if (why) notice(why); return true; },
   };
-  for (const [name, value] of new URLSearchParams(location.hash.slice(1)))
-    if (!ASKED[name] || !ASKED[name](value))
-      notice(`The link has “${name}=${value}”, which is ignored: expected theme=light, theme=dark, or steps= and a whole number below 10,000,000.`);
+  async function follow() {
+    for (const [name, value] of new URLSearchParams(location.hash.slice(1)))
+      if (!ASKED[name] || !await ASKED[name](value))
+        notice(`The link has “${name}=${value}”, which is ignored: expected theme=light, theme=dark, seed= or steps= and a whole number below 10,000,000, speed=, or link= and settings.`);
+  }
+  window.addEventListener("hashchange", follow);
+  await follow();
+  window.uuvsimPage = page;
 })();

@@ -10,6 +10,7 @@ import base64
 import json
 import zlib
 from collections.abc import Sequence
+from dataclasses import asdict
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
@@ -21,14 +22,24 @@ from uuvsim_cosim.cache import written
 from uuvsim_cosim.kernels.web_assembly.module import WebAssembly, web_assembly
 from uuvsim_cosim.orchestrator.plan.plan import Plan
 from uuvsim_cosim.orchestrator.system.system import System
+from uuvsim_cosim.view.live_page.steered import path_names, steered_parts
 from uuvsim_cosim.view.plots.page import MARKS, own_file, page_html
 from uuvsim_cosim.view.plots.svg import escape
+from uuvsim_cosim.view.plots.track import VESSEL
 from uuvsim_cosim.view.scene3d.motion import Motion, quaternions
 from uuvsim_cosim.view.scene3d.scene import Body, Scene3D
 from uuvsim_cosim.view.scene3d.scene_html import BODIES_MOST, scene_card, scene_data
 from uuvsim_cosim.view.scene3d.scene_of_plan import scene3d_of_plan, value_of
 
 __all__ = ["live_page_html", "write_live_page"]
+
+SCRIPTS = (
+    *(("kernels.web_assembly", name) for name in ("system.js", "timeline.js")),
+    *(
+        ("view.live_page", f"live_page{part}.js")
+        for part in ("_events", "_waypoints", "_steering", "")
+    ),
+)
 
 
 def write_live_page(
@@ -57,6 +68,9 @@ def live_page_html(system: System, *, plots: Sequence[str] = (), remark: str = "
         "stop": compiled.parts.whole.stop_time,
         "movers": _movers(scene3d),
         "plots": list(plots),
+        "path": path_names(plan),
+        "steered": [asdict(s) for s in steered_parts(plan)],
+        "vessel": VESSEL,
         "version": __version__,
     }
     text = json.dumps(data, separators=(",", ":"), allow_nan=False).replace("<", "\\u003c")
@@ -65,13 +79,17 @@ def live_page_html(system: System, *, plots: Sequence[str] = (), remark: str = "
         '<button id="theme" type="button">light / dark</button></header>',
         _CONTROLS,
         f'<div class="live"><div class="seen">{_scene(plan, scene3d)}</div>{_PARAMETERS}</div>',
+        f'<div class="acts">{_WAYPOINTS if data["path"] else ""}{_EVENTS}'
+        f"{_STEERING if data['steered'] else ''}</div>",
         _PLOTS,
         _about(compiled, remark),
     ]
     library = own_file("uplot/uPlot.iife.min.js").partition("\n")[2]  # without its address
     licence = own_file("uplot/LICENSE").strip()
-    own = files("uuvsim_cosim.kernels.web_assembly").joinpath("system.js").read_text("utf-8")
-    own += files("uuvsim_cosim.view.live_page").joinpath("live_page.js").read_text("utf-8")
+    own = "".join(
+        files(f"uuvsim_cosim.{package}").joinpath(name).read_text("utf-8")
+        for package, name in SCRIPTS
+    )
     style = files("uuvsim_cosim.view.live_page").joinpath("live_page.css").read_text("utf-8")
     scripts = (
         f'<script id="data" type="application/json">{text}</script>\n'
@@ -84,12 +102,17 @@ def live_page_html(system: System, *, plots: Sequence[str] = (), remark: str = "
 
 _CONTROLS = (
     '<div class="card drive"><button id="run" type="button">run</button>'
-    '<button id="step" type="button" title="one communication step">step</button>'
-    '<button id="restart" type="button">restart</button>'
+    '<button id="back" type="button" title="one communication step back (,)">◂ step back</button>'
+    '<button id="step" type="button" title="one communication step (.)">step ▸</button>'
+    '<button id="restart" type="button" title="from time 0 with the present values; events are '
+    'removed">restart</button>'
+    '<button id="replay" type="button" title="from time 0 with the same events at the same times" '
+    "hidden>replay</button>"
     '<label>speed <select id="speed"><option value="0.25">0.25 x</option>'
     '<option value="1" selected>1 x</option><option value="4">4 x</option>'
     '<option value="16">16 x</option><option value="64">64 x</option>'
     '<option value="Infinity">as fast as possible</option></select></label>'
+    '<label>seed <input id="seed" type="number" min="0" step="1"></label>'
     '<span id="time" class="clock"></span><span id="rate" class="clock"></span>'
     '<span class="hash" title="hash of the bits of all outputs at all communication points">'
     'hash <code id="hash"></code></span><p id="notice" role="status"></p></div>'
@@ -98,6 +121,47 @@ _PARAMETERS = (
     '<div class="card given"><h3>Parameters and inputs</h3>'
     '<input id="filter" type="search" placeholder="find a parameter" aria-label="find a parameter">'
     '<div id="given"></div></div>'
+)
+_WAYPOINTS = (
+    '<div class="card" id="waypoints"><h3>Waypoints, seen from above<span class="keys">click to '
+    "add, drag to move</span></h3>"
+    '<svg id="plan" role="application" aria-label="plan of the waypoints: north over east"></svg>'
+    '<div class="row point head"><span></span><i>N [m]</i><i>E [m]</i><i>D [m]</i><i></i></div>'
+    '<div id="points"></div></div>'
+)
+_EVENTS = (
+    '<div class="card" id="events"><h3>Faults and events</h3><div class="form">'
+    '<input id="fault-signal" list="signals" type="search" aria-label="output that gets a fault">'
+    '<select id="fault-kind" aria-label="kind of fault"><option>bias</option>'
+    "<option>override</option><option>scale</option><option>freeze</option><option>delay</option>"
+    '<option>drop</option></select><input id="fault-value" type="number" step="any" '
+    'placeholder="value" aria-label="value of the fault"><i id="fault-unit"></i>'
+    '<label>for <input id="fault-lasts" type="number" min="0" step="any" placeholder="always" '
+    'aria-label="duration of the fault in s"> s</label>'
+    '<button id="fault-add" type="button">add fault</button></div>'
+    '<div id="happens"></div><p id="no-events" class="hint">A fault, and each value that you '
+    "change while the system runs, is an event of this run.</p>"
+    '<p class="foot"><button id="link" type="button">link with all settings</button> '
+    '<button id="download" type="button">download scenario.yaml</button></p></div>'
+)
+_PADS = (
+    ("KeyQ", "↤"), ("KeyW", "▲"), ("KeyE", "↦"), ("KeyR", "up"),
+    ("KeyA", "↶"), ("KeyS", "▼"), ("KeyD", "↷"), ("KeyF", "down"),
+)  # fmt: skip
+_STEERING = (
+    '<div class="card" id="steering"><h3>Steer by keyboard or gamepad</h3>'
+    '<p class="foot"><button id="take" type="button" aria-pressed="false">take the controls'
+    '</button> <label>of <select id="whom"></select></label></p><div id="axes"></div>'
+    '<p class="hint"><kbd>W</kbd> <kbd>S</kbd> ahead, astern · <kbd>A</kbd> <kbd>D</kbd> or '
+    "<kbd>←</kbd> <kbd>→</kbd> turn · <kbd>Q</kbd> <kbd>E</kbd> sideways · <kbd>↑</kbd> "
+    "<kbd>↓</kbd> or <kbd>R</kbd> <kbd>F</kbd> up, down · <kbd>Shift</kbd> slowly. Gamepad: left "
+    "stick ahead and sideways, right stick turn and depth.</p>"
+    '<div id="pads">'
+    + "".join(
+        f'<button type="button" data-key="{key}" aria-label="{key[3:]}">{sign}</button>'
+        for key, sign in _PADS
+    )
+    + '</div><p class="hint" id="moves"></p></div>'
 )
 _PLOTS = (
     '<div class="tools"><label>Plot an output <input id="search" list="signals" type="search" '

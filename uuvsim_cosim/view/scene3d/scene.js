@@ -285,7 +285,15 @@
     again();
   }
   const clear = () => { for (const l of tracks) { l.n = l.count = l.seen = 0; l.every = 1; } again(); };
-  window.uuvsimScene = { camera, zoom, move, clear, at: s => { if (!playing) { t = s; again(); } } };
+  // Other points of a line, in n [m].
+  function path(number, points) {
+    if (!lines[number]) return;
+    gl.deleteVertexArray(lines[number].vao); gl.deleteBuffer(lines[number].buffer);
+    const moved = new Float32Array(points.flatMap(p => p.map((v, i) => v - origin[i])));
+    Object.assign(lines[number], line(gl, lin, corners, moved, true), { points: moved });
+    again();
+  }
+  window.uuvsimScene = { camera, zoom, move, clear, path, at: s => { if (!playing) { t = s; again(); } } };
   if (data.live) { whom.checked = true; whom.onchange(); }
   draw();
 })();
