@@ -511,6 +511,28 @@ def test_recorded_bytes_of_the_autopilot_are_read() -> None:
         assert commands.mode == 19
 
 
+def test_a_run_notes_packets_that_were_not_used(
+    fake: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("FAKE", "short:20")
+    done = run(system(fake), until=0.1, out=tmp_path / "run", backend="native")
+    assert done.warnings[-1] == "controller: packets that were not used: 2 invalid"
+
+
+def test_commands_that_the_autopilot_refuses_are_counted_by_their_names() -> None:
+    here, there = socket.socketpair()
+    with here, there:
+        commands = AutopilotCommands(here)
+        speaks = ardupilotmega.MAVLink(None, srcSystem=1, srcComponent=1)
+        for command, result in ((176, 4), (400, 0), (176, 4), (64_000, 3)):
+            message = ardupilotmega.MAVLink_command_ack_message(command, result)
+            there.sendall(message.pack(speaks))
+        commands.read()
+    assert commands.refused == {
+        ("MAV_CMD_DO_SET_MODE", "MAV_RESULT_FAILED"): 2, (64_000, "MAV_RESULT_UNSUPPORTED"): 1,
+    }  # fmt: skip
+
+
 def test_a_file_with_the_name_of_the_scheme_in_the_current_folder_is_not_the_source(
     fake: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

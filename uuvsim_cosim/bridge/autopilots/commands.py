@@ -7,6 +7,7 @@ import logging
 import math
 import select
 import socket
+from collections import Counter
 from collections.abc import Sequence
 from typing import Any, final
 
@@ -56,6 +57,7 @@ class AutopilotCommands:
         self.mode = -1
         self.target: tuple[float, float, float] | None = None  # N E D [m] of its own report
         self.texts: list[str] = []  # messages of the autopilot
+        self.refused: Counter[tuple[Any, ...]] = Counter()  # by names of command and result
 
     def heartbeat(self) -> None:
         """Send that a ground station is there."""
@@ -169,8 +171,12 @@ class AutopilotCommands:
             self.texts.append(message.text)
             log.info("%s: %s", self._name, message.text)
         elif kind == "COMMAND_ACK" and message.result != 0:
-            log.warning("%s refused command %d (result %d)", self._name, message.command,
-                        message.result)  # fmt: skip
+            refusal = tuple(
+                kinds[number].name if (kinds := self._dialect.enums[enum]).get(number) else number
+                for enum, number in (("MAV_CMD", message.command), ("MAV_RESULT", message.result))
+            )
+            self.refused[refusal] += 1
+            log.warning("%s refused %s (%s)", self._name, *refusal)
 
     def _command(self, command: int, *values: float) -> None:
         padded = [*values, *[0.0] * (7 - len(values))]

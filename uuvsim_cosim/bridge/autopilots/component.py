@@ -175,6 +175,20 @@ class Autopilot(ABC, Generic[L]):
         """Return the numbers of packets that were ignored, by reason."""
         return {} if self._link is None else dict(self._link.counts)
 
+    @property
+    def messages(self) -> list[tuple[str, str]]:
+        """Return notes on the run: commands that the autopilot refused, and ignored packets."""
+        refused = {} if self._commands is None else self._commands.refused
+        notes = [
+            f"{self.name} refused {command} {times} times ({result}): it is not ready, or its "
+            "parameters do not permit it"
+            for (command, result), times in refused.items()
+        ]
+        ignored = [f"{n} {reason}" for reason, n in self.counts.items() if n and reason != "other"]
+        if ignored:
+            notes.append(f"packets that were not used: {', '.join(ignored)}")
+        return [("note", text) for text in notes]
+
     # ---- what it cannot do ----------------------------------------------------------------
 
     def get_fmu_state(self) -> NoReturn:
