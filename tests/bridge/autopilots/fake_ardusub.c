@@ -1,7 +1,7 @@
 /* Fake autopilot for tests: speaks as ArduSub's SITL does, with a fault of the environment's choice.
 
    FAKE=fault:N does the fault at frame N: silent, dies, repeats, lost, restarts, short, long, magic,
-   early, skips, flood, disarms, no_port; FAKE=polite ends, as ArduSub does, after the line of state that follows
+   early, skips, flood, disarms, no_port, reports (its target, once); FAKE=polite ends, as ArduSub does, after the line of state that follows
    SIGTERM; FAKE=replay:FILE sends the pulse widths of a file. Without a fault it
    dives to 5 m. It writes what it receives into its folder: received.txt has the lines of state, and
    before each one the number of MAVLink bytes that were there when the line came; serial.bin has
@@ -42,13 +42,29 @@ static uint16_t crc_of(const uint8_t *data, int n) {
     return crc;
 }
 
-static void heartbeat(void) {
+/* Send a MAVLink 1 message; `extra` is the CRC_EXTRA of its kind. */
+static void send_message(uint8_t kind, uint8_t extra, const uint8_t *payload, uint8_t size) {
     static uint8_t n;
-    uint8_t m[18] = {0xfe, 9, n++, 1, 1, 0, mode, 0, 0, 0, 12, 3, (uint8_t)(1 | armed << 7), 4, 3};
-    m[15] = 50; /* CRC_EXTRA of HEARTBEAT, then overwritten */
-    uint16_t crc = crc_of(m + 1, 15);
-    m[15] = (uint8_t)crc, m[16] = (uint8_t)(crc >> 8);
-    (void)!write(serial, m, 17);
+    uint8_t m[270] = {0xfe, size, n++, 1, 1, kind};
+    memcpy(m + 6, payload, size);
+    m[6 + size] = extra; /* then overwritten */
+    uint16_t crc = crc_of(m + 1, 6 + size);
+    m[6 + size] = (uint8_t)crc, m[7 + size] = (uint8_t)(crc >> 8);
+    (void)!write(serial, m, (size_t)size + 8);
+}
+
+static void heartbeat(void) {
+    uint8_t payload[9] = {mode, 0, 0, 0, 12, 3, (uint8_t)(1 | armed << 7), 4, 3};
+    send_message(0, 50, payload, sizeof payload);
+}
+
+/* Report the target N 1, E 2, D 3 m (POSITION_TARGET_LOCAL_NED). */
+static void report_target(void) {
+    uint8_t payload[51] = {0};
+    float place[3] = {1, 2, 3};
+    memcpy(payload + 4, place, sizeof place);
+    payload[50] = 1;
+    send_message(85, 140, payload, sizeof payload);
 }
 
 /* Read the serial port; obey COMMAND_LONG 176 (mode) and 400 (arm). Returns the number of bytes. */
@@ -148,6 +164,7 @@ int main(int argc, char **argv) {
         double north, east;
         if (!p || sscanf(p, "\"position\":[%lf,%lf,%lf", &north, &east, &depth) != 3) return 4;
         if (now && !strcmp(fault, "disarms")) armed = 0, heartbeat();
+        if (now && !strcmp(fault, "reports")) report_target();
         if (frame % 40 == 0) heartbeat();
     }
 }

@@ -258,6 +258,16 @@ def test_the_target_that_the_autopilot_reports_is_read_in_n() -> None:
     assert reported[1:] == [(1.0, 2.0, 3.0), None]  # the last one has only a velocity
 
 
+def test_a_target_that_is_no_longer_reported_ends(
+    fake: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    signals = flown(fake, tmp_path / "run", "reports:100", monkeypatch, until=2.5)
+    has, target = signals["controller.has_target"], signals["controller.target"]
+    assert signals.time[has][[0, -1]] == pytest.approx([0.25, 1.75], abs=0.02)
+    np.testing.assert_array_equal(target[has], [[1, 2, 3]] * int(has.sum()))
+    np.testing.assert_array_equal(target[~has], 0.0)
+
+
 def test_before_the_start_the_vehicle_is_lowered_from_the_surface(
     fake: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

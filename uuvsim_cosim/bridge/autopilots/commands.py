@@ -56,6 +56,7 @@ class AutopilotCommands:
         self.armed = False
         self.mode = -1
         self.target: tuple[float, float, float] | None = None  # N E D [m] of its own report
+        self.reports = 0  # of its target
         self.texts: list[str] = []  # messages of the autopilot
         self.refused: Counter[tuple[Any, ...]] = Counter()  # by names of command and result
 
@@ -157,6 +158,7 @@ class AutopilotCommands:
 
     def _note(self, message: Any) -> None:
         kind = message.get_type()
+        self.reports += kind.startswith("POSITION_TARGET")
         if kind == "HEARTBEAT" and message.get_srcComponent() == 1:
             self.armed = bool(message.base_mode & self._dialect.MAV_MODE_FLAG_SAFETY_ARMED)
             self.mode = (int(message.custom_mode) >> self._shift) & 0xFF

@@ -22,6 +22,7 @@ __all__ = ["RATE", "Autopilot", "Motion", "lowered", "rotation"]
 INSTANCES = 10  # that are tried with instance=auto
 RATE = 400  # Hz of the steps before the start
 _HEARTBEAT, _PILOT, _AGAIN = 1.0, 0.1, 1.0  # s between two messages
+_OUTDATED = 1.5  # s from the last report of a target until there is none
 
 
 class Motion(NamedTuple):
@@ -151,6 +152,7 @@ class Autopilot(ABC, Generic[L]):
         }
         self._inputs = self._in.start
         self._setpoint, self._setpoint_kind = (0.0,) * 7, 0
+        self._reports, self._target_until = 0, -math.inf
         self._pilot: tuple[float, ...] = (0.0,) * 6
         self._row = self._out.pack(self._out.start)
 
@@ -270,6 +272,10 @@ class Autopilot(ABC, Generic[L]):
         """Write the commands that are due; most steps have none, which one comparison shows."""
         commands = self._commands
         assert commands is not None
+        if commands.reports != self._reports:
+            self._reports, self._target_until = commands.reports, timestamp + _OUTDATED
+        elif timestamp > self._target_until:
+            commands.target = None
         now = commands.mode, commands.armed, self._inputs[self._n_state :]
         until, before = self._quiet
         if timestamp < until and now == before:

@@ -87,8 +87,8 @@ def described(scheme: str, description: str, modes: str, own: Sequence[Variable]
                  "N E D and psi that were sent"),
         variable("setpoint_velocity", "output", zero3, "m/s", "N E D that were sent"),
         variable("pilot", "output", zero6, "1", "axes of `manual` that were sent"),
-        variable("has_target", "output", False, None, "the autopilot has reported a target",
-                 "Boolean"),
+        variable("has_target", "output", False, None, "the autopilot has reported a target in the "
+                 "last 1.5 s", "Boolean"),
         variable("target", "output", zero3, "m", "N E D to which the autopilot reports to go"),
     ]  # fmt: skip
     return Description(
