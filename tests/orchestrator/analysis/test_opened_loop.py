@@ -69,11 +69,27 @@ def motors() -> Model:
     return m
 
 
+def steep(start: float, band: float = 0.25) -> Model:
+    """An integrator with a dead band and a slope beyond it that is unstable for the period."""
+    m = Model("steep")
+    u = m.input("u", unit="1", min=-1, max=1)
+    x = m.state("x", start, unit="m")
+    slope = 3.0 / float(T)
+    m.der(x, slope * (ca.fmax(u - band, 0.0) + ca.fmin(u + band, 0.0)))
+    clock = m.clock("sample", str(T))
+    held = m.discrete("held", -start, unit="1")
+    m.update(clock, held, -x)
+    m.output("y", held, unit="1", discrete=True)
+    return m
+
+
 class PartSource(ModelSource):
     """A declaration of this file: ``part:law?2``."""
 
     def declaration(self) -> Model:
         name, _, gain = self.text.removeprefix("part:").partition("?")
+        if name == "steep":
+            return steep(*map(float, gain.split("&")))
         if gain:
             return law(float(gain))
         return {"law": law, "tank": tank, "slow": slow, "motors": motors}[name]()
@@ -201,11 +217,29 @@ def test_elements_without_a_loop_are_left_out_with_their_reason() -> None:
     assert without["motors.y[3]"] == "it is in no loop"
     assert re.match(
         r"no gain after 0\.2 s: motors\.x\[1\] does not change with motors\.y\[1\] = -0\.1 "
-        r"between -0\.25 and 0\.25, as in a dead band; .*--at",
+        r"between -0\.25 and 0\.25, as in a dead band\. .*--at",
         without["motors.y[1]"],
     )
     with pytest.raises(InputInvalid, match=r"motors\.y\[1\]: no gain after 0\.2 s"):
         opened_loops(system, "motors.y[1]", 0.2)
+
+
+@pytest.mark.parametrize(
+    ("part", "beside"), [("steep?0.26", True), ("steep?0.8", False), ("steep?0.26&0", False)]
+)
+def test_an_unstable_loop_next_to_a_dead_band_names_the_band_and_a_better_point(
+    part: str, beside: bool
+) -> None:
+    system = uuv.System("one", str(T)).add("motor", f"part:{part}").connect("motor.y", "motor.u")
+    ((loop,), _) = opened_loops(system, "motor.y", 0.0)
+    assert not loop.stable
+    assert bool(loop.remark) is beside
+    if beside:
+        assert re.match(
+            r"after 0 s, motor\.y = -0\.26, and motor has a dead band between -0\.25 and 0\.25: .*"
+            r"gain there is not that of the design\. Choose a working point with load: a current",
+            loop.remark,
+        )
 
 
 def test_the_axes_at_rest_of_a_vehicle_with_t200_are_left_out_of_its_analysis() -> None:

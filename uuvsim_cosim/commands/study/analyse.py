@@ -84,6 +84,8 @@ def analyse_command(
         file_table(_write(loops, f"{edited.name}: loop opened at {break_}, after {at:g} s", out))
     if not all(loop.stable for loop in loops):
         fastest = max(loop.closed_poles.real.max() for loop in loops)
+        for text in dict.fromkeys(loop.remark for loop in loops if loop.remark):
+            remark("note", text)
         notice(
             f"a closed loop has a pole at {fastest:+.2g} 1/s, so it is unstable and the margins do "
             "not apply; along a curved path (a loiter), a pole that is slower than the path turns "
@@ -153,6 +155,7 @@ def _write(loops: list[OpenedLoop], title: str, out: Path) -> list[Path]:
                 "signal": loop.signal,
                 "unit": loop.unit,
                 "stable": loop.stable,
+                "remark": loop.remark,
                 "tick": loop.tick,
                 "margins": vars(loop.margins),
                 "omega": w,

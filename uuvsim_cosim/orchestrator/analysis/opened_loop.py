@@ -16,7 +16,7 @@ the eigenvalues of the map over N ticks.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -37,6 +37,10 @@ __all__ = ["Margins", "OpenedLoop", "opened_loops"]
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 LOWEST = 1e-3  # rad/s, of the frequencies that are searched for margins
+LOADED = (
+    "Choose a working point with load: a current, as in --set hull.v_c=[0.3,0.2,0.3], or a time at "
+    "which the vehicle moves (--at)"
+)
 PER_DECADE = 150
 SLOW = 1e-4  # 1/s: filters have states that hardly forget
 INVISIBLE = 1e-9  # share of the largest residue below which a pole is not of this loop
@@ -71,6 +75,8 @@ class Margins:
 class OpenedLoop:
     """The loop that is opened at `signal`, with all others closed; `tick` is its sample time [s].
 
+    `remark` states a dead band that makes an unstable loop of this working point doubtful.
+
     Example:
 
     >>> import uuvsim_cosim as uuv
@@ -88,6 +94,7 @@ class OpenedLoop:
     tick: float
     steps: tuple[tuple[Any, Array, Array], ...]  # A_k, b_k and e_k over one period
     place: int  # of y in x
+    remark: str = ""
 
     @property
     def period(self) -> int:
@@ -273,10 +280,7 @@ def opened_loops(
         reached = _influenced(closed)
         reached[places[i]] = True
         if ends := zero_gain.after(reached):
-            without[name] = (
-                f"no gain after {at:g} s: {ends}; choose a time at which it acts (--at), or set a "
-                "current, as in --set hull.v_c=[0.2,0.1,0]"
-            )
+            without[name] = f"no gain after {at:g} s: {ends}. {LOADED}"
         else:
             without[name] = "it is in no loop"
     if not loops:
@@ -284,6 +288,12 @@ def opened_loops(
             "analyse: " + "; ".join(f"{name}: {why}" for name, why in without.items()),
             "a signal that acts on itself",
         )
+    if not all(loop.stable for loop in loops) and (found := zero_gain.beside()):
+        remark = (
+            f"after {at:g} s, {found}: a vehicle at rest oscillates about it with little thrust, "
+            f"and the gain there is not that of the design. {LOADED}"
+        )
+        loops = [loop if loop.stable else replace(loop, remark=remark) for loop in loops]
     return loops, without
 
 

@@ -1,7 +1,8 @@
-"""The reason why an opened signal has no loop: commands that have no effect at this point.
+"""Commands that are in a dead band, where an opened signal has no loop, or next to one.
 
 In the dead band of a thruster, the derivative by the command is exactly zero, although the equation
-contains the command. A command is an input with a smallest and a largest value.
+contains the command. A command is an input with a smallest and a largest value. Next to the band,
+the gain is not that of the design: an allocation crosses the band in one steep line.
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ from uuvsim_cosim.orchestrator.analysis.system_map import StepJacobian, SystemMa
 __all__ = ["ZeroGain"]
 
 Array = NDArray[np.float64]
+BESIDE = 1.25  # a command is next to a band within this factor of its end
 NEAREST, FARTHEST = 1e-6, 1e3  # changes of a value that are tried, relative to 1 + |value|
 
 
@@ -40,12 +42,32 @@ class ZeroGain:
                     key = int(row), int(col) if columns is None else columns[col]
                     size[key] = size.get(key, 0.0) + abs(value)
         of_part = [(p.at, p.end, self._commands(i)) for i, p in enumerate(m.parts)]
-        self.zero = sorted(
-            (row, col)
-            for (row, col), value in size.items()
-            if value == 0 and any(a <= row < b and col in c for a, b, c in of_part)
+        self.by_command = sorted(
+            (row, col) for row, col in size if any(a <= row < b and col in c for a, b, c in of_part)
         )
+        self.zero = [pair for pair in self.by_command if size[pair] == 0]
         self._bands: dict[tuple[int, int], tuple[float, float] | None] = {}
+
+    def beside(self) -> str:
+        """Return which commands are in a dead band around 0 or next to one; empty if none is.
+
+        One command of each component is looked at.
+        """
+        found: dict[str, str] = {}
+        for row, col in self.by_command:
+            owner = next(p.path for p in self.m.parts if row < p.end)
+            if owner in found:
+                continue
+            value = float(self.points[0][1][col])
+            low, high = (self._reach(row, col, sign, 0.0) for sign in (-1.0, 1.0))
+            if low and high and BESIDE * low <= value <= BESIDE * high:
+                found[owner] = (
+                    f"{self.m.names[col]} = {value:.3g}, and {owner} has a dead band between "
+                    f"{low:.3g} and {high:.3g}"
+                )
+        first, *others = found or [""]
+        more = f" ({', '.join(others)} too)" if others else ""
+        return f"{found[first]}{more}" if first else ""
 
     def _commands(self, i: int) -> set[int]:
         """Return the values that are connected to commands of component i."""
@@ -88,7 +110,8 @@ class ZeroGain:
         """Return the values of `col` between which `row` is constant; None if all of them."""
         if (row, col) not in self._bands:
             value = float(self.points[0][1][col])
-            ends = [self._reach(row, col, sign * (1.0 + abs(value))) for sign in (-1.0, 1.0)]
+            units = (-1.0 - abs(value), 1.0 + abs(value))
+            ends = [self._reach(row, col, unit, value) for unit in units]
             low, high = (value + e if e is not None else None for e in ends)
             both = low is not None or high is not None
             self._bands[row, col] = (
@@ -98,12 +121,12 @@ class ZeroGain:
             )
         return self._bands[row, col]
 
-    def _reach(self, row: int, col: int, unit: float) -> float | None:
-        """Return how far `col` may change until `row` does, to 1e-5 of it; None if it never does.
+    def _reach(self, row: int, col: int, unit: float, value: float) -> float | None:
+        """Return how far `col` may change from a value until `row` does; None if it never does.
 
-        The row is taken to change no more than once on the way.
+        It is found to 1e-5 of it. The row is taken to change no more than once on the way.
         """
-        changes = partial(self._changes, row, col)
+        changes = partial(self._changes, row, col, value)
         share = NEAREST
         if changes(share * unit):
             return 0.0
@@ -117,8 +140,7 @@ class ZeroGain:
             low, high = (low, middle) if changes(middle * unit) else (middle, high)
         return low * unit
 
-    def _changes(self, row: int, col: int, change: float) -> bool:
-        value = self.points[0][1][col]
+    def _changes(self, row: int, col: int, value: float, change: float) -> bool:
         for k, state, _ in self.points:
             rows = []
             for wanted in (value, value + change):
