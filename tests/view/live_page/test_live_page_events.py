@@ -1,4 +1,4 @@
-"""Faults, waypoints and steering on a page are a scenario, with the same bits outside of the page."""
+"""Faults, waypoints and steering on a page are a scenario with the same bits outside of it."""
 
 from __future__ import annotations
 
@@ -19,8 +19,9 @@ from uuvsim_cosim.view.live_page.live_page import live_page_html
 
 BEGIN = """
 const line = page.line, find = s => document.querySelector(s);
-const told = () => [line.scenario("scenario.yaml"), page.system.hash, line.steps, page.system.outputs()];
-const press = (type, code) => document.dispatchEvent(new KeyboardEvent(type, { code, bubbles: true }));
+const told = () => [line.scenario("scenario.yaml"), page.system.hash, line.steps];
+const press = (type, code) =>
+  document.dispatchEvent(new KeyboardEvent(type, { code, bubbles: true }));
 """
 
 
@@ -82,7 +83,7 @@ def test_faults_and_changes_of_a_page_have_the_same_bits_as_the_scenario_that_it
     page.advance(70);
     return [...told(), list, find("#notice").textContent];
     """
-    scenario, found, steps, _, listed, notice = on_page(tmp_path, pages["bluerov2_survey"], script)
+    scenario, found, steps, listed, notice = on_page(tmp_path, pages["bluerov2_survey"], script)
     assert (steps, notice) == (200, "")
     assert (
         '{at: 0.51, until: 1.31, signal: "dvl.beam_velocity", fault: drop, value: 0.5}' in scenario
@@ -99,11 +100,13 @@ def test_waypoints_by_click_and_drag_are_changes_of_the_guidance(
     uuvsim: Uuvsim, tmp_path: Path, pages: dict[str, str]
 ) -> None:
     script = """
-    const plan = find("#plan"), waypoints = () => Array.from({ length: line.value("guidance.count", 0) },
-      (_, k) => [0, 1, 2].map(i => line.value("guidance.waypoints", 3 * k + i)));
+    const plan = find("#plan"), count = () => line.value("guidance.count", 0);
+    const waypoints = () => Array.from({ length: count() }, (_, k) =>
+      [0, 1, 2].map(i => line.value("guidance.waypoints", 3 * k + i)));
     plan.setPointerCapture = () => {};
     function pointer(type, x, y, target = plan) {
-      target.dispatchEvent(new PointerEvent(type, { bubbles: true, clientX: x, clientY: y, pointerId: 1 }));
+      const at = { bubbles: true, clientX: x, clientY: y, pointerId: 1 };
+      target.dispatchEvent(new PointerEvent(type, at));
     }
     const before = waypoints().length;
     page.advance(100);
@@ -112,7 +115,7 @@ def test_waypoints_by_click_and_drag_are_changes_of_the_guidance(
     pointer("pointerup", box.left + box.width / 2, box.top + box.height / 2);
     const added = waypoints(), marks = document.querySelectorAll("#plan .waypoint").length;
     page.advance(1);
-    const second = document.querySelector("#plan [data-number='1']"), at = second.getBoundingClientRect();
+    const second = find("#plan [data-number='1']"), at = second.getBoundingClientRect();
     pointer("pointerdown", at.left + 5, at.top + 5, second);
     pointer("pointermove", at.left + 5, at.top + 45);
     pointer("pointerup", at.left + 5, at.top + 45);
@@ -123,7 +126,7 @@ def test_waypoints_by_click_and_drag_are_changes_of_the_guidance(
     page.advance(500);
     return [...told(), before, added, marks, moved, removed];
     """
-    scenario, found, _, _, before, added, marks, moved, removed = on_page(
+    scenario, found, _, before, added, marks, moved, removed = on_page(
         tmp_path, pages["bluerov2_hold"], script
     )
     assert (before, len(added), marks, len(removed)) == (8, 9, 9, 8)
@@ -152,7 +155,7 @@ def test_keys_steer_and_what_they_do_is_a_scenario(
     press("keyup", "KeyW"); find("#take").click(); page.advance(50);
     return [...told(), words, turned, find("#take").textContent];
     """
-    scenario, found, steps, _, words, events, button = on_page(tmp_path, pages[system], script)
+    scenario, found, steps, words, events, button = on_page(tmp_path, pages[system], script)
     assert signal in words
     assert events > 1
     assert (steps, button) == (350, "take the controls")
@@ -179,9 +182,10 @@ def test_steps_back_restore_the_earlier_bits_with_faults_and_the_hash_on_the_way
     tmp_path: Path, pages: dict[str, str]
 ) -> None:
     script = """
-    const found = [], now = () => JSON.stringify([line.steps, page.system.hash, page.system.outputs()]);
-    for (const [signal, kind, value, at, until] of [["dvl.beam_velocity", "drop", 0.5, 40, 300], ["navigation.eta", "delay", 0.1, 60, 150]])
-      line.fault({ signal, kind, value, at, until });
+    const found = [], system = page.system;
+    const now = () => JSON.stringify([line.steps, system.hash, system.outputs()]);
+    line.fault({ signal: "dvl.beam_velocity", kind: "drop", value: 0.5, at: 40, until: 300 });
+    line.fault({ signal: "navigation.eta", kind: "delay", value: 0.1, at: 60, until: 150 });
     line.add({ at: 120, name: "guidance.speed", element: 0, value: 0.2 });
     const seen = new Map();
     for (let k = 0; k <= 400; k++) { seen.set(k, now()); page.advance(1); }
@@ -210,7 +214,8 @@ def test_a_removed_event_leaves_the_run_that_never_had_it(
     const faulty = page.system.hash, plotted = () => page.track()[0].length;
     const before = plotted();
     document.querySelector("#happens button[title^=remove]").click();
-    return [faulty === clean, page.system.hash === clean, line.steps, before, plotted(), find("#happens").childElementCount];
+    return [faulty === clean, page.system.hash === clean, line.steps, before, plotted(),
+      find("#happens").childElementCount];
     """
     assert on_page(tmp_path, pages["bluerov2_hold"], script) == [False, True, 250, 251, 251, 0]
 
@@ -231,7 +236,8 @@ def test_restart_begins_with_the_present_values_and_replay_repeats_the_events(
     find("#restart").click();
     const kept = line.events.map(e => [e.at, e.kind]);
     page.advance(100);
-    return [...at, again, line.value("hull.v_c", 0), kept, page.system.hash === first, line.startValues];
+    const same = page.system.hash === first;
+    return [...at, again, line.value("hull.v_c", 0), kept, same, line.startValues];
     """
     assert on_page(tmp_path, pages["bluerov2_hold"], script) == [
         0, 0, True, 0.3, [[1, "bias"]], False, [["hull.v_c", 0, 0.3]],
@@ -259,7 +265,10 @@ def test_a_link_has_all_settings_and_opens_the_page_at_the_same_point(
 ) -> None:
     anchor, found, settings = on_page(tmp_path, pages["bluerov2_hold"], MAKE_LINK)
     assert len(anchor) < 900
-    script = "return [page.system.hash, page.settings(), find('#notice').textContent, line.value('controller.Kp', 0), find('#seed').value]"
+    script = """
+    const notice = find("#notice").textContent, Kp = line.value("controller.Kp", 0);
+    return [page.system.hash, page.settings(), notice, Kp, find("#seed").value];
+    """
     opened = on_page(tmp_path, pages["bluerov2_hold"], script, anchor)
     assert opened == [found, settings, "", 60, "7"]
 
@@ -292,8 +301,9 @@ def test_a_link_with_an_unknown_variable_or_other_bits_is_reported(
     }
     await open({});
     await open({ start: [["hull.mass_", 0, 3]] });
-    await open({ events: [{ at: 5, until: null, signal: "hull.eta", element: 9, kind: "bias", value: 1 }] });
-    await open({ events: [{ at: 5, until: null, signal: "hull.eta", element: 0, kind: "twist", value: 1 }] });
+    const event = { at: 5, until: null, signal: "hull.eta", element: 9, kind: "bias", value: 1 };
+    await open({ events: [event] });
+    await open({ events: [{ ...event, element: 0, kind: "twist" }] });
     return notices;
     """
     bits, start, element, kind = on_page(tmp_path, pages["bluerov2_hold"], script)
@@ -306,9 +316,10 @@ def test_a_link_with_an_unknown_variable_or_other_bits_is_reported(
 def test_wrong_faults_are_refused_with_a_message(tmp_path: Path, pages: dict[str, str]) -> None:
     script = """
     const refused = more => line.fault({ signal: "hull.eta", kind: "bias", value: 1, ...more });
-    return [refused({ signal: "hull.eta_" }), refused({ kind: "drop", value: 2 }), refused({ value: NaN }),
-      refused({ kind: "delay", value: 0.015 }), refused({ signal: "guidance.waypoint", kind: "bias", value: 0.5 }),
-      refused({ at: 5, until: 5 }), line.events.length];
+    return [refused({ signal: "hull.eta_" }), refused({ kind: "drop", value: 2 }),
+      refused({ value: NaN }), refused({ kind: "delay", value: 0.015 }),
+      refused({ signal: "guidance.waypoint", value: 0.5 }), refused({ at: 5, until: 5 }),
+      line.events.length];
     """
     assert on_page(tmp_path, pages["bluerov2_hold"], script) == [
         "hull.eta_ is no output of this system.",

@@ -28,6 +28,13 @@ def report_command(
             ".svg: a picture of one run.",
         ),
     ] = None,
+    page: Annotated[
+        bool,
+        typer.Option(
+            "--page",
+            help="Also write page.html, on which the run goes on in a browser from any time.",
+        ),
+    ] = False,
 ) -> None:
     """Write the report of a run, or of two: one HTML file that opens offline.
 
@@ -38,12 +45,16 @@ def report_command(
         raise InputInvalid(out, f"ending {suffix!r} was read", ".html or .svg")
     if suffix == ".svg" and other is not None:
         raise InputInvalid(out, "a picture shows one run", ".html to compare two runs")
+    if page and (suffix == ".svg" or other is not None):
+        raise InputInvalid("--page with two runs or .svg", "the report of one run")
     with console(stderr=True).status("writing the report"):
-        written = _written(run, other, out, suffix)
+        written = _written(run, other, out, suffix, page=page)
     file_line(written)
+    if page:
+        file_line(written.parent / "page.html")
 
 
-def _written(run: Path, other: Path | None, out: Path | None, suffix: str) -> Path:
+def _written(run: Path, other: Path | None, out: Path | None, suffix: str, *, page: bool) -> Path:
     if suffix == ".svg":
         from uuvsim_cosim.view.reports.picture import write_run_picture
 
@@ -54,4 +65,4 @@ def _written(run: Path, other: Path | None, out: Path | None, suffix: str) -> Pa
         return write_comparison(run, other, out)
     from uuvsim_cosim.view.reports.run_report import write_report
 
-    return write_report(run, out)
+    return write_report(run, out, page=page)

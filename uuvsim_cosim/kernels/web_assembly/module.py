@@ -18,7 +18,9 @@ from uuvsim_cosim.fmus.codegen.runtime import runtime
 from uuvsim_cosim.fmus.codegen.toolchain import compile_web_assembly, generated_sources
 from uuvsim_cosim.kernels.system_fmu.system_fmu import SystemParts, system_parts
 from uuvsim_cosim.kernels.system_fmu.variables import Exposed
+from uuvsim_cosim.kernels.web_assembly.scene_size import refuse_large_scenes
 from uuvsim_cosim.orchestrator.master.core_library import by_type
+from uuvsim_cosim.orchestrator.plan.flatten import flatten
 from uuvsim_cosim.orchestrator.plan.plan import Plan
 from uuvsim_cosim.orchestrator.plan.seeds import path_words
 from uuvsim_cosim.orchestrator.system.system import System
@@ -54,8 +56,10 @@ class WebAssembly:
 def web_assembly(system: System) -> WebAssembly:
     """Compile a system into a WebAssembly module.
 
-    Raises SystemInvalid, which names every component that is no declaration, and ToolchainError.
+    Raises SystemInvalid, which names every component that is no declaration and every scene that
+    is too large, and ToolchainError.
     """
+    refuse_large_scenes(c.source for c in flatten(system).components)
     try:
         parts = system_parts(system, naming="structured")
     except SystemInvalid as error:

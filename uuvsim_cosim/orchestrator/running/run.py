@@ -53,7 +53,12 @@ from uuvsim_cosim.orchestrator.running.run_folder import (
 from uuvsim_cosim.orchestrator.scenarios.inputs import Driven, held_by, read_inputs, start_values
 from uuvsim_cosim.orchestrator.scenarios.net_weight import net_weight_of_scenario
 from uuvsim_cosim.orchestrator.scenarios.played import Played
-from uuvsim_cosim.orchestrator.scenarios.scenario import Change, Scenario, read_scenario
+from uuvsim_cosim.orchestrator.scenarios.scenario import (
+    Change,
+    Scenario,
+    read_scenario,
+    recorded_scenario,
+)
 from uuvsim_cosim.orchestrator.ssp.ssd import write_ssd
 from uuvsim_cosim.orchestrator.system.elements import Loops
 from uuvsim_cosim.orchestrator.system.sources import Backend
@@ -271,6 +276,8 @@ def run(
             refuse_too_large(plan, backend, isolate, folder.path, rows)
             provenance = provenance_of(system, plan, seed, backend, record_every, end, about or {})
             provenance["notes"] += [d.note for d in drives]
+            if played is not None:
+                provenance["scenario"] = recorded_scenario(played)
             instantiate = prepare(plan, backend, report, isolate, watchdog, trace, grants)
             write_ssd(system, folder.path / "system.ssd")
             recorder = Recorder(

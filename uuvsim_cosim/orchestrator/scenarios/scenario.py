@@ -22,6 +22,8 @@ __all__ = [
     "SignalFault",
     "changes_text",
     "read_scenario",
+    "recorded_scenario",
+    "scenario_of_record",
 ]
 
 
@@ -136,6 +138,37 @@ def _is_change(item: Any) -> bool:
         and 0.0 <= item["at"] < math.inf
         and isinstance(item["set"], str)
     )
+
+
+def recorded_scenario(scenario: Scenario) -> dict[str, Any]:
+    """Return a scenario for run.json; `scenario_of_record` reads it."""
+    events = []
+    for e in scenario.events:
+        item: dict[str, Any] = {"at": e.at}
+        if isinstance(e, Change):
+            item |= {"set": e.variable, "value": e.value}
+        elif isinstance(e, SignalFault):
+            item |= {"signal": e.fault.signal, "fault": e.fault.kind, "value": e.fault.value}
+        else:
+            item |= {"variable": e.variable, "action": e.kind, "value": e.value}
+        if not isinstance(e, Change) and math.isfinite(e.until):
+            item["until"] = e.until
+        events.append(item)
+    return {"name": scenario.name, "events": events}
+
+
+def scenario_of_record(record: Mapping[str, Any]) -> Scenario:
+    """Return the scenario that `recorded_scenario` has written."""
+    events = tuple(
+        Manipulation(
+            float(item["at"]), item["variable"], item["action"], float(item["value"]),
+            float(item.get("until", math.inf)),
+        )
+        if "variable" in item
+        else _event(item)
+        for item in record["events"]
+    )  # fmt: skip
+    return Scenario(str(record["name"]), events)
 
 
 def _event(item: Mapping[str, Any]) -> Change | SignalFault:

@@ -335,7 +335,7 @@
   const happens = eventsCard(page);
   steering = data.steered.length ? steeringCard(page, data.steered) : null;
   line.observe = keep;
-  again(() => line.begin());
+  again(() => line.load(data.given));
   // What the link asks for; what cannot be understood is named, and the rest is done.
   const THEMES = /^(light|dark)$/, theme = value => { root.dataset.theme = value; redraw(); };
   const speed = value => [...find("#speed").options].some(o => o.value === value) && (find("#speed").value = value, true);

@@ -19,8 +19,10 @@ import numpy as np
 
 from uuvsim_cosim._version import __version__
 from uuvsim_cosim.cache import written
+from uuvsim_cosim.kernels.web_assembly.events import timeline_events
 from uuvsim_cosim.kernels.web_assembly.module import WebAssembly, web_assembly
 from uuvsim_cosim.orchestrator.plan.plan import Plan
+from uuvsim_cosim.orchestrator.scenarios.scenario import Scenario
 from uuvsim_cosim.orchestrator.system.system import System
 from uuvsim_cosim.view.live_page.steered import path_names, steered_parts
 from uuvsim_cosim.view.plots.page import MARKS, own_file, page_html
@@ -52,8 +54,11 @@ def write_live_page(
     return written(target, live_page_html(system, plots=plots, remark=remark))
 
 
-def live_page_html(system: System, *, plots: Sequence[str] = (), remark: str = "") -> str:
-    """Return the page of a system as a text.
+def live_page_html(
+    system: System, *, plots: Sequence[str] = (), remark: str = "",
+    seed: int = 0, scenario: Scenario | None = None,
+) -> str:  # fmt: skip
+    """Return the page of a system as a text; it begins with this seed and this scenario.
 
     The page plots the outputs in `plots` ("task.return") first. A `remark` on what it computes
     stands in the place of the command that verifies a system by its name.
@@ -69,6 +74,10 @@ def live_page_html(system: System, *, plots: Sequence[str] = (), remark: str = "
         "movers": _movers(scene3d),
         "plots": list(plots),
         "path": path_names(plan),
+        "given": {
+            "seed": seed,
+            "events": [] if scenario is None else timeline_events(plan, scenario),
+        },
         "steered": [asdict(s) for s in steered_parts(plan)],
         "vessel": VESSEL,
         "version": __version__,

@@ -176,6 +176,7 @@
   function shared(t) {
     clock.classList.toggle("on", t !== null);
     here.forEach(h => h.classList.toggle("on", t !== null));
+    under = t;
     if (t === null) return;
     clock.textContent = "t = " + minus(t.toFixed(2)) + " s";
     tracks.forEach((track, k) => {
@@ -200,6 +201,20 @@
       show(best < 0 ? null : track.time[best]);
     });
     plan.addEventListener("pointerleave", () => show(null));
+  }
+
+  // ---- run again from a time: the one of the last click ----
+  const again = document.getElementById("again-time"), link = document.getElementById("again-link");
+  let under = null;
+  function from(t) {
+    const tick = +again.dataset.tick, step = Math.round(Math.min(Math.max(t, 0), +again.max) / tick);
+    again.value = +(step * tick).toPrecision(12);
+    link.href = link.getAttribute("href").replace(/#.*|$/, `#steps=${step}`);
+  }
+  if (again) {
+    again.onchange = () => from(+again.value);
+    document.addEventListener("click", e => { if (under !== null && e.target.closest && e.target.closest(".u-over, #track")) from(under); });
+    from(0);
   }
 
   // ---- zoom of all plots ----

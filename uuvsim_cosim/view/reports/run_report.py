@@ -16,12 +16,14 @@ import numpy as np
 
 from uuvsim_cosim.cache import written
 from uuvsim_cosim.errors import InputInvalid
+from uuvsim_cosim.view.live_page.run_page import PAGE, write_run_page
 from uuvsim_cosim.view.plots.page import MARKS, encoded, key_html, own_file, page_html
 from uuvsim_cosim.view.plots.plots import Line, Panel, Rows, TimePanel
 from uuvsim_cosim.view.plots.svg import escape
 from uuvsim_cosim.view.plots.track import VESSEL, Track
 from uuvsim_cosim.view.recorded.metrics import figures
 from uuvsim_cosim.view.recorded.traces import Array, Traces, provenance_of, traces_of
+from uuvsim_cosim.view.reports.again import again_html
 from uuvsim_cosim.view.reports.page_data import (
     MOST_ELEMENTS,
     PANEL_BINS,
@@ -239,16 +241,28 @@ class Plots:
         return TimePanel(f"{panel.title}: B − A", panel.unit, lines, include=[0.0])
 
 
-def write_report(folder: str | Path, out: str | Path | None = None) -> Path:
-    """Write the one-file report of a run, by default report.html in its folder."""
+def write_report(folder: str | Path, out: str | Path | None = None, *, page: bool = False) -> Path:
+    """Write the one-file report of a run, by default report.html in its folder.
+
+    With `page`, page.html, on which the run goes on from any instant, is written beside the report;
+    raises SystemInvalid if a component prevents it.
+    """
     traces = sampled_traces(folder)
+    target = Path(out) if out is not None else Path(folder) / "report.html"
+    if page:
+        write_run_page(folder, target.parent / PAGE)
     from uuvsim_cosim.scene.mapping.mapping import read_map
 
     surveyed = read_map(Path(folder))
-    page = report_html(traces, provenance_of(folder), scene3d_of_run(folder, traces), surveyed)
-    return written(
-        Path(out) if out is not None else Path(folder) / "report.html", page, make_folder=True
+    provenance = provenance_of(folder)
+    text = report_html(
+        traces,
+        provenance,
+        scene3d_of_run(folder, traces),
+        surveyed,
+        again_html(Path(folder), provenance, target.parent / PAGE),
     )
+    return written(target, text, make_folder=True)
 
 
 def sampled_traces(folder: str | Path) -> Traces:
@@ -264,11 +278,12 @@ def report_html(
     provenance: Mapping[str, Any],
     scene3d: Scene3D | None = None,
     surveyed: SeabedMap | None = None,
+    again: str = "",
 ) -> str:
     """Return the report as one HTML page; with `scene3d`, it has a scene in three dimensions.
 
     With the map of a survey, `surveyed`, it shows that as well. `provenance` is the content of
-    run.json; all of its fields are optional.
+    run.json; all of its fields are optional. `again` is the section on the page that goes on.
     """
     path = waypoints_of(provenance)
     plots = Plots([traces])
@@ -305,7 +320,7 @@ def report_html(
         body.append(scene_html(scene3d, motion_of(scene3d, traces, moments)))
     for k, section in enumerate(sections(traces)):
         body.append(plots.section(section, "first" if track is None and k == 0 else ""))
-    body.append(provenance_html(provenance, plots.note()))
+    body += [again, provenance_html(provenance, plots.note())]
     scripts = plots.scripts([] if track is None else [track])
     style = own_file("uplot/uPlot.min.css")
     return page_html(name, "uuvsim", body, style=style, scripts=scripts)
