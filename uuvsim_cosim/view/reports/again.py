@@ -35,4 +35,4 @@ def again_html(folder: Path, provenance: Mapping[str, Any], page: Path) -> str:
             "this report. On it the run goes on in a browser from any time, with other "
             "parameters.</p>"
         )
-    return f'<h2>Run again from here</h2><div class="card" id="again">{inside}</div>'
+    return f'<div class="card" id="again"><h3>Run again from here</h3>{inside}</div>'

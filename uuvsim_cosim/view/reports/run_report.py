@@ -304,7 +304,7 @@ def report_html(
         if np.isfinite(f.value)
     )
     body = [header_html(name, " · ".join(facts)), f'<div class="figures">{tiles}</div>']
-    body.append(plots.tools())
+    body += [again, plots.tools()]
     # A narrow screen shows the class `first` before the figures of merit.
     if track is not None:
         panels = "".join(plots.card(p) for p in lead_panels(traces, path))
@@ -320,7 +320,7 @@ def report_html(
         body.append(scene_html(scene3d, motion_of(scene3d, traces, moments)))
     for k, section in enumerate(sections(traces)):
         body.append(plots.section(section, "first" if track is None and k == 0 else ""))
-    body += [again, provenance_html(provenance, plots.note())]
+    body.append(provenance_html(provenance, plots.note()))
     scripts = plots.scripts([] if track is None else [track])
     style = own_file("uplot/uPlot.min.css")
     return page_html(name, "uuvsim", body, style=style, scripts=scripts)
