@@ -18,6 +18,7 @@ from collections.abc import Callable
 from contextlib import ExitStack
 from fractions import Fraction
 from pathlib import Path
+from unittest.mock import patch
 
 from parts.lag_model import lag
 
@@ -28,20 +29,28 @@ from uuvsim_cosim.fmus.instantiation.instantiate import instantiate_here
 from uuvsim_cosim.fmus.isolation.confinement import rules_of
 from uuvsim_cosim.fmus.isolation.grants import Grants
 from uuvsim_cosim.fmus.isolation.isolated import Isolated
+from uuvsim_cosim.fmus.sandbox import sandbox
+from uuvsim_cosim.fmus.sandbox.sandbox import instantiate_sandboxed
 from uuvsim_cosim.orchestrator.master.master import Master
 from uuvsim_cosim.orchestrator.plan.plan import Group, Plan, PlannedComponent
 
-WAYS = ("in process", "shared memory", "sandbox", "pipes")
+WAYS = ("in process", "shared memory", "sandbox", "WebAssembly", "component", "pipes")
+SLOW = WAYS[4:]
 
 
 def made(archive: FmuArchive, way: str) -> Component:
     if way == WAYS[0]:
         return instantiate_here(archive, "lag")
-    rules = rules_of(Grants(), archive.folder) if way == WAYS[2] else None
+    if way == "WebAssembly":
+        return instantiate_sandboxed(archive, "lag", watchdog=30.0)
+    if way == "component":  # as one of another tool, without C's functions
+        with patch.object(sandbox, "_MARK", b"no module has this"):
+            return instantiate_sandboxed(archive, "lag", watchdog=30.0)
+    rules = rules_of(Grants(), archive.folder) if way == "sandbox" else None
     arguments = (archive, "lag")
     return Isolated(
         "lag", archive.description, instantiate_here, arguments,
-        watchdog=30.0, shared=way != WAYS[3], rules=rules,
+        watchdog=30.0, shared=way != "pipes", rules=rules,
     )  # fmt: skip
 
 
@@ -74,7 +83,7 @@ def measure(archive: FmuArchive, steps: int, repeats: int) -> dict[str, tuple[fl
         clocks = {way: cpu_clock(master) for way, master in masters.items()}
         for repeat in range(repeats + 1):  # the first is not counted
             for way, master in masters.items():
-                n = steps // 20 if way == WAYS[3] else steps
+                n = steps // 20 if way in SLOW else steps
                 begin, begin_cpu = time.perf_counter(), clocks[way]()
                 master.step(n)
                 if repeat:
@@ -85,14 +94,16 @@ def measure(archive: FmuArchive, steps: int, repeats: int) -> dict[str, tuple[fl
 
 def starts(archive: FmuArchive, repeats: int) -> dict[str, tuple[float, float]]:
     """Return the (wall, CPU) seconds of a start, by way."""
-    found: dict[str, list[tuple[float, float]]] = {way: [] for way in WAYS[1:3]}
+    found: dict[str, list[tuple[float, float]]] = {way: [] for way in WAYS[1:4]}
     for _ in range(repeats):
         for way, times in found.items():
             begin, before = time.perf_counter(), time.process_time()
             component = made(archive, way)
             wall = time.perf_counter() - begin
-            clock = ~(component.process or 0) << 3 | 2 if isinstance(component, Isolated) else 0
-            times.append((wall, time.process_time() - before + time.clock_gettime(clock)))
+            cpu = time.process_time() - before
+            if isinstance(component, Isolated):
+                cpu += time.clock_gettime(~(component.process or 0) << 3 | 2)
+            times.append((wall, cpu))
             component.free()
     medians = {
         way: [statistics.median(column) for column in zip(*times, strict=True)]
@@ -117,7 +128,7 @@ def main() -> None:
     for other in others if options.busy else ():
         other.start()
     load = f"; load {os.getloadavg()[0]:.1f} on {cores} cores" if hasattr(os, "getloadavg") else ""
-    archive = read_fmu(Path(build_fmu(lag(), fmi=3)))
+    archive = read_fmu(Path(build_fmu(lag(), fmi=3, platforms=["host", "wasm32"])))
     got = measure(archive, options.steps, options.repeats)
     started = starts(archive, options.repeats)
     for other in others if options.busy else ():

@@ -10,6 +10,70 @@
 #include "component_sizes.h"
 #include "fmi3Functions.h"
 
+/* Functions that an FMU may lack: a call of one that it lacks ends the module. */
+#pragma weak fmi3CompletedIntegratorStep
+#pragma weak fmi3DeserializeFMUState
+#pragma weak fmi3DoStep
+#pragma weak fmi3EnterConfigurationMode
+#pragma weak fmi3EnterContinuousTimeMode
+#pragma weak fmi3EnterEventMode
+#pragma weak fmi3EnterInitializationMode
+#pragma weak fmi3EnterStepMode
+#pragma weak fmi3EvaluateDiscreteStates
+#pragma weak fmi3ExitConfigurationMode
+#pragma weak fmi3ExitInitializationMode
+#pragma weak fmi3FreeFMUState
+#pragma weak fmi3FreeInstance
+#pragma weak fmi3GetAdjointDerivative
+#pragma weak fmi3GetBinary
+#pragma weak fmi3GetBoolean
+#pragma weak fmi3GetClock
+#pragma weak fmi3GetContinuousStateDerivatives
+#pragma weak fmi3GetContinuousStates
+#pragma weak fmi3GetDirectionalDerivative
+#pragma weak fmi3GetEventIndicators
+#pragma weak fmi3GetFMUState
+#pragma weak fmi3GetFloat32
+#pragma weak fmi3GetFloat64
+#pragma weak fmi3GetInt16
+#pragma weak fmi3GetInt32
+#pragma weak fmi3GetInt64
+#pragma weak fmi3GetInt8
+#pragma weak fmi3GetNominalsOfContinuousStates
+#pragma weak fmi3GetNumberOfContinuousStates
+#pragma weak fmi3GetNumberOfEventIndicators
+#pragma weak fmi3GetString
+#pragma weak fmi3GetUInt16
+#pragma weak fmi3GetUInt32
+#pragma weak fmi3GetUInt64
+#pragma weak fmi3GetUInt8
+#pragma weak fmi3GetVersion
+#pragma weak fmi3InstantiateCoSimulation
+#pragma weak fmi3InstantiateModelExchange
+#pragma weak fmi3Reset
+#pragma weak fmi3SerializeFMUState
+#pragma weak fmi3SerializedFMUStateSize
+#pragma weak fmi3SetBinary
+#pragma weak fmi3SetBoolean
+#pragma weak fmi3SetClock
+#pragma weak fmi3SetContinuousStates
+#pragma weak fmi3SetDebugLogging
+#pragma weak fmi3SetFMUState
+#pragma weak fmi3SetFloat32
+#pragma weak fmi3SetFloat64
+#pragma weak fmi3SetInt16
+#pragma weak fmi3SetInt32
+#pragma weak fmi3SetInt64
+#pragma weak fmi3SetInt8
+#pragma weak fmi3SetString
+#pragma weak fmi3SetTime
+#pragma weak fmi3SetUInt16
+#pragma weak fmi3SetUInt32
+#pragma weak fmi3SetUInt64
+#pragma weak fmi3SetUInt8
+#pragma weak fmi3Terminate
+#pragma weak fmi3UpdateDiscreteStates
+
 #define EXPORTED(NAME) __attribute__((export_name(NAME), visibility("default")))
 #define IMPORTED(MODULE, NAME) __attribute__((import_module(MODULE), import_name(NAME)))
 
@@ -94,6 +158,30 @@ static size_t count_of(const uint32_t *references, size_t n) {
     return count;
 }
 
+/* ---- the C library's way to the outside, which does not exist --------------------------- */
+
+#define HIDDEN __attribute__((visibility("hidden")))
+#define WASI(NAME, ...) \
+    HIDDEN int32_t __imported_wasi_snapshot_preview1_##NAME(__VA_ARGS__) { return NOT_SUPPORTED; }
+enum { NOT_SUPPORTED = 58 };
+typedef int32_t i;
+HIDDEN _Noreturn void __imported_wasi_snapshot_preview1_proc_exit(i status) {
+    (void)status;
+    __builtin_trap();
+}
+WASI(fd_write, i descriptor, i vectors, i count, i done)
+WASI(fd_read, i descriptor, i vectors, i count, i done)
+WASI(fd_seek, i descriptor, int64_t by, i from, i at)
+WASI(fd_close, i descriptor)
+WASI(fd_fdstat_get, i descriptor, i place)
+WASI(fd_fdstat_set_flags, i descriptor, i flags)
+WASI(fd_prestat_get, i descriptor, i place)
+WASI(fd_prestat_dir_name, i descriptor, i place, i size)
+WASI(path_open, i descriptor, i at, i path, i n, i flags, int64_t own, int64_t heirs, i more, i place)
+WASI(clock_time_get, i clock, int64_t precision, i place)
+WASI(environ_sizes_get, i count, i size)
+WASI(environ_get, i places, i texts)
+
 /* ---- instances -------------------------------------------------------------------------- */
 
 typedef struct {
@@ -130,6 +218,7 @@ EXPORTED("fmi:fmi3/common@3.0.0#get-version") void *get_version(void) {
     return area;
 }
 
+#if CO_SIMULATION
 #define ID(NAME) co_simulation_##NAME
 #define INTERFACE "fmi:fmi3/co-simulation@3.0.0"
 #define RESOURCE "co-simulation-instance"
@@ -173,8 +262,9 @@ int set_input_derivatives(instance *c, const void *requests, size_t n, const dou
     (void)c, (void)requests, (void)n, (void)values, (void)n_values;
     return finished(fmi3Error); /* FMI 3.0 has no such function */
 }
+#endif
 
-#if EXCHANGES
+#if MODEL_EXCHANGE
 #define ID(NAME) model_exchange_##NAME
 #define INTERFACE "fmi:fmi3/model-exchange@3.0.0"
 #define RESOURCE "model-exchange-instance"

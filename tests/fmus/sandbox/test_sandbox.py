@@ -219,7 +219,5 @@ def test_without_wasmtime_the_extra_is_named(
     from uuvsim_cosim.fmus.sandbox import engine
 
     monkeypatch.setattr(engine, "find_spec", lambda name: None)
-    engine.engine.cache_clear()
-    engine.compiled_module.cache_clear()
     with pytest.raises(ToolchainError, match=r"pip install 'uuvsim-cosim\[sandbox\]'"):
         instantiate_sandboxed(read_fmu(runaway), "a")

@@ -113,22 +113,31 @@ def build(
         list[str],
         typer.Argument(
             autocompletion=models,
-            help="Models, named as in `uuvsim models`; with options: 'dvl?scene=tacoma'.",
+            help="Models, named as in `uuvsim models`, with options: 'dvl?scene=tacoma'; or .fmu.",
         ),
     ],
     fmi: Annotated[int, typer.Option(help="FMI version: 2 or 3.")] = 3,
     platform: Annotated[
-        str, typer.Option(help="Platforms, comma-separated: host, linux64, win64, darwin64, …")
+        str, typer.Option(help="Platforms, comma-separated: host, linux64, win64, wasm32, …")
     ] = "host",
     out: Annotated[Path, folder_option("Folder to write into.")] = Path("fmus/dist"),
 ) -> None:
-    """Build an FMU of each named model, with a binary for each platform."""
+    """Build an FMU of each named model, with a binary for each platform.
+
+    An .fmu with C sources gets a binary for WebAssembly in addition, by `--platform wasm32`.
+    """
     version = fmi_version(fmi)
     platforms = platform_names(platform)
     from uuvsim_cosim.fmus.export.fmu_file import build_many
+    from uuvsim_cosim.fmus.sandbox.extend import add_web_assembly
 
+    files = [name for name in names if name.endswith(".fmu")]
+    if files and platforms != ["wasm32"]:
+        raise InputInvalid(f"--platform {platform}", f"{files[0]} is an FMU already", "wasm32")
     with console(stderr=True).status(f"building {', '.join(names)} for {', '.join(platforms)}"):
-        built = build_many(names, fmi=version, platforms=platforms, target_dir=out)
+        built = [add_web_assembly(Path(file), out) for file in files]
+        models_ = [name for name in names if name not in files]
+        built += build_many(models_, fmi=version, platforms=platforms, target_dir=out)
     for path in built:
         file_line(path)
 

@@ -45,7 +45,10 @@ def modules_of(component: bytes) -> list[bytes] | None:
     """Return the modules directly inside a component; None if these are no bytes of a component."""
     if component[:8] != _COMPONENT:
         return None
-    return [content for kind, content in _sections(component) if kind == _MODULE]
+    try:
+        return [content for kind, content in _sections(component) if kind == _MODULE]
+    except IndexError:  # the file is cut off
+        return None
 
 
 # ---- text -------------------------------------------------------------------------------------
@@ -106,7 +109,8 @@ def _linking(interfaces: Sequence[Interface]) -> Iterator[str]:
     yield f'(import "" "l" (func $l {words})) (import "" "i" (func $i))'
     yield f"(elem (i32.const 0) func {' '.join('$' + name for name in names)} $l) (start $i))"
     yield "(core instance $shim (instantiate $shim))"
-    yield '(alias core export $shim "l" (core func $log)) (alias core export $shim "t" (core table $t))'
+    yield '(alias core export $shim "l" (core func $log))'
+    yield '(alias core export $shim "t" (core table $t))'
     for k in range(n):
         yield f'(alias core export $shim "d{k}" (core func $drop{k}))'
         yield f"(type $instance{k} (resource (rep i32) (dtor (core func $drop{k}))))"
@@ -122,7 +126,8 @@ def _linking(interfaces: Sequence[Interface]) -> Iterator[str]:
     yield '(alias core export $main "cabi_realloc" (core func $realloc))'
     yield '(alias core export $main "_initialize" (core func $initialize))'
     yield '(alias export $callbacks "log-message" (func $log-message))'
-    yield "(core func $lowered (canon lower (func $log-message) (memory $memory) string-encoding=utf8))"
+    yield "(core func $lowered (canon lower (func $log-message) (memory $memory)"
+    yield "string-encoding=utf8))"
     for k, interface in enumerate(interfaces):
         name = f"{interface.full_name}#[dtor]{interface.resource}"
         yield f'(alias core export $main "{name}" (core func $destroy{k}))'

@@ -6,7 +6,7 @@ import zipfile
 from collections.abc import Callable, Collection, Mapping, Sequence
 from io import BytesIO
 from pathlib import Path
-from xml.etree.ElementTree import Element, SubElement
+from xml.etree.ElementTree import Element, SubElement, fromstring
 
 from uuvsim_cosim.cache import cache_dir, content_hash, intact, keep, write_whole
 from uuvsim_cosim.content import content
@@ -50,8 +50,9 @@ def build_fmu(
 
     It is `target` (a file, or a folder), else in the cache. `fmi` is the version, 2 or 3;
     `platforms` are "host", "linux64", "win64", "darwin64", "aarch64-linux", "aarch64-darwin", and
-    with FMI 3.0 "wasm32", which needs the extra `sandbox`. The same declaration, platforms and compiler give the same bytes. Raises ToolchainError if a
-    platform cannot be compiled for, and InputInvalid if `target` cannot be written.
+    with FMI 3.0 "wasm32", which needs the extra `sandbox`. The same declaration, platforms and
+    compiler give the same bytes. Raises ToolchainError if a platform cannot be compiled for, and
+    InputInvalid if `target` cannot be written.
 
     Example:
 
@@ -96,7 +97,7 @@ def build_fmu(
         return component_file(
             [*shells, *generated_sources(lowered.files)],
             name=identifier,
-            description=texts["modelDescription.xml"],
+            description=fromstring(texts["modelDescription.xml"]),
             include=[*runtime(), fmi_headers()],
         )
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from fractions import Fraction
 from functools import lru_cache
 from pathlib import Path
-from xml.etree.ElementTree import SubElement
+from xml.etree.ElementTree import SubElement, fromstring
 
 import numpy as np
 
@@ -17,6 +17,7 @@ from uuvsim_cosim.content import content
 from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.fmus.codegen.runtime import runtime_file, runtime_files
 from uuvsim_cosim.fmus.codegen.toolchain import (
+    WASM32,
     Platform,
     compile_shared,
     component_flags,
@@ -36,6 +37,7 @@ from uuvsim_cosim.fmus.export.model_description import (
     number_text,
     xml_text,
 )
+from uuvsim_cosim.fmus.export.web_assembly import component_file
 
 __all__ = [
     "Whole",
@@ -210,7 +212,22 @@ def compiled(
         headers = [f for f in every if not f.name.startswith(_OTHERS)]
         files = [content("fmus", "whole") / shell, runtime_file(f"fmi{fmi}_shell.c"), *headers]
         texts |= {f"sources/{f.name}": f.read_text() for f in files}
-    return packed(texts, whole.identifier, sources, fmi, wanted, lambda p: _library(fmu, p), target)
+
+    def library(place: Platform) -> Path:
+        if place is not WASM32:
+            return _library(fmu, place)
+        if not fmu.portable:
+            raise InputInvalid(
+                "platform wasm32", "the client of a server, which needs sockets", "another platform"
+            )
+        return component_file(
+            [content("fmus", "whole") / shell, *generated_sources(fmu.texts)],
+            name=whole.identifier,
+            description=fromstring(texts["modelDescription.xml"]),
+            include=[*fmu.include, fmi_headers()],
+        )
+
+    return packed(texts, whole.identifier, sources, fmi, wanted, library, target)
 
 
 def _library(fmu: WholeFmu, place: Platform) -> Path:

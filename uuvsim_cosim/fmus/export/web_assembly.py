@@ -7,9 +7,10 @@ call directly; this package does.
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Sequence
 from pathlib import Path
-from xml.etree.ElementTree import Element, fromstring
+from xml.etree.ElementTree import Element
 
 from uuvsim_cosim.cache import cache_dir, content_hash, intact, keep
 from uuvsim_cosim.content import content
@@ -23,30 +24,37 @@ __all__ = ["MANIFEST", "component_file", "manifest"]
 
 MANIFEST = "extra/org.modelica.fmi-ls-wasm/manifest.xml"
 _STANDARD = "0.1.0"  # of the layered standard: a working draft without a release
+_MACROS = {"CO_SIMULATION": CO_SIMULATION, "MODEL_EXCHANGE": MODEL_EXCHANGE}
 _KINDS = {"CoSimulation": CO_SIMULATION, "ModelExchange": MODEL_EXCHANGE}
 
 
 def component_file(
-    sources: Sequence[Path], *, name: str, description: str, include: Sequence[Path],
+    sources: Sequence[Path], *, name: str, description: Element, include: Sequence[Path],
     flags: Sequence[str] = (),
 ) -> Path:  # fmt: skip
     """Compile C sources with FMI 3.0's functions into a component; return its path in the cache.
 
-    `description` is the text of modelDescription.xml. Raises ToolchainError, also without wasmtime,
+    `description` is the root of modelDescription.xml. Raises ToolchainError, also without wasmtime,
     whose assembler encodes the component.
     """
-    root = fromstring(description)
-    interfaces = [interface for tag, interface in _KINDS.items() if root.find(tag) is not None]
-    (header,) = generated_sources({"component_sizes.h": _sizes(root)})
-    exchanges = int(MODEL_EXCHANGE in interfaces)
+    interfaces = [i for tag, i in _KINDS.items() if description.find(tag) is not None]
+    (header,) = generated_sources({"component_sizes.h": _sizes(description)})
+    kinds = [f"-D{name}={int(i in interfaces)}" for name, i in _MACROS.items()]
     module = compile_web_assembly(
         [*sources, content("fmus", "sandbox", "component.c")],
         name=name,
         include=[header.parent, content("fmus", "sandbox"), *include],
-        flags=["-rdynamic", "-Wl,-z,stack-size=1048576", f"-DEXCHANGES={exchanges}", *flags],
+        flags=["-rdynamic", "-Wl,-z,stack-size=1048576", *kinds, *flags],
     )
     data = module.read_bytes()
-    made = cache_dir("compiled", content_hash(["component", str(exchanges), data])) / f"{name}.wasm"
+    missing = sorted(set(re.findall(rb"\x16wasi_snapshot_preview1.([a-z_]+)", data)))
+    if missing:
+        needed = ", ".join(m.decode() for m in missing)
+        raise ToolchainError(
+            name, f"its sources use files, clocks or output of the C library ({needed})",
+            "sources that do not, as no component of this package imports WASI",
+        )  # fmt: skip
+    made = cache_dir("compiled", content_hash(["component", *kinds, data])) / f"{name}.wasm"
     if not intact(made):
         try:
             keep(made, component_of(data, interfaces))

@@ -25,7 +25,7 @@ __all__ = ["FmuArchive", "read_description", "read_fmu"]
 
 Interface = Literal["CoSimulation", "ModelExchange"]
 _INTERFACES: tuple[Interface, ...] = get_args(Interface)  # the first that an FMU has is used
-LIBRARY_SUFFIXES = (".so", ".dll", ".dylib")
+LIBRARY_SUFFIXES = (".so", ".dll", ".dylib", ".wasm")
 
 
 @dataclass(frozen=True)

@@ -18,6 +18,7 @@ from uuvsim_cosim.fmus.isolation.grants import Grants
 from uuvsim_cosim.fmus.isolation.guard import guard_library
 from uuvsim_cosim.fmus.isolation.isolated import Isolated
 from uuvsim_cosim.fmus.model_exchange.component import ModelExchange
+from uuvsim_cosim.fmus.sandbox.sandbox import instantiate_sandboxed, only_web_assembly
 
 __all__ = ["instantiate_fmu", "instantiate_isolated", "needs_own_process"]
 
@@ -39,8 +40,9 @@ def instantiate_fmu(
     An isolated component that does not answer within `watchdog` [s] fails. With `isolate`, the
     process is a sandbox: the FMU may read its own files and those of the system, and `grants`, such
     as ``["files:/data", "network"]``, permit more (see `Grants`). Without `logging_on`, the FMU is
-    asked not to log. Without `wait`, the first call waits until an isolated FMU has started. Raises
-    FmuError for an FMU that cannot be read or loaded.
+    asked not to log. An FMU that has WebAssembly, and nothing for this machine, runs as such (see
+    `instantiate_sandboxed`). Without `wait`, the first call waits until an isolated FMU has
+    started. Raises FmuError for an FMU that cannot be read or loaded.
 
     Example:
 
@@ -57,6 +59,10 @@ def instantiate_fmu(
     if isolate:
         return instantiate_isolated(
             archive, path, watchdog=watchdog, logging_on=logging_on, grants=grants, wait=wait
+        )
+    if only_web_assembly(archive):
+        return instantiate_sandboxed(
+            archive, path, watchdog=watchdog, grants=grants, logging_on=logging_on
         )
     library_of(archive)
     if needs_own_process(archive):
@@ -95,7 +101,9 @@ def instantiate_isolated(
 
 
 def instantiate_here(archive: FmuArchive, path: str, logging_on: bool = True) -> Component:
-    """Instantiate an FMU in this process."""
+    """Instantiate an FMU in this process; as WebAssembly if it has nothing else."""
+    if only_web_assembly(archive):
+        return instantiate_sandboxed(archive, path, logging_on=logging_on)
     version = Fmu2 if archive.description.kind == "FMI 2.0" else Fmu3
     fmu = version(archive, path, logging_on=logging_on)
     return ModelExchange(fmu) if archive.interface == "ModelExchange" else fmu

@@ -98,14 +98,14 @@ def interrupted(owner: object) -> None:
     with _lock:
         _watched.add(owner)
         if not _clock:
-            _clock.append(threading.Thread(target=_run, daemon=True, name="uuvsim sandbox clock"))
+            _clock.append(threading.Thread(target=_run, args=[engine()], daemon=True))
             _clock[0].start()
 
 
-def _run() -> None:
+def _run(watched: Engine) -> None:
     while True:
         time.sleep(_TICK)
-        engine().increment_epoch()
+        watched.increment_epoch()
         with _lock:
             if not _watched:
                 _clock.clear()

@@ -20,6 +20,15 @@ __all__ = ["Exit", "Host", "define_imports"]
 
 WASI = "wasi_snapshot_preview1"
 _BAD_DESCRIPTOR, _NOT_ALLOWED, _NO_SYSTEM = 8, 2, 52
+# The imports of modules of this package, by module and name: the functions of `Host`.
+_OWN = {
+    "uuv": {"log": "log", "more": "more"},
+    "fmi:fmi3/callbacks@3.0.0": {"log-message": "log_message"},
+    **{
+        f"[export]fmi:fmi3/{kind}@3.0.0": {f"[resource-new]{kind}-instance": "resource"}
+        for kind in ("co-simulation", "model-exchange")
+    },
+}
 _OK = 0
 _MOST = 20  # refusals that are reported
 _FOLDER = 3  # the descriptor of "/", which exists so that C libraries ask for the files in it
@@ -50,6 +59,17 @@ class Host:
     def log(self, caller: Caller, status: int, category: int, text: int) -> None:
         """Pass a message of the FMU on."""
         self.report(status, _text(caller, category), _text(caller, text))
+
+    def log_message(
+        self, caller: Caller, name: int, n_name: int, status: int, category: int, n_category: int,
+        text: int, n_text: int,
+    ) -> None:  # fmt: skip
+        """Pass a message of a component on."""
+        self.report(status, _text(caller, category), _text(caller, text))
+
+    def resource(self, caller: Caller, instance: int) -> int:
+        """Return the handle of an instance, which nobody uses here."""
+        return instance
 
     def more(self, caller: Caller, size: int) -> None:
         """Report memory that is refused."""
@@ -144,11 +164,12 @@ def define_imports(linker: Linker, host: Host, imports: list[ImportType], place:
     unknown = []
     for wanted in imports:
         module, name, kind = wanted.module, wanted.name or "", wanted.type
-        own = {"uuv": ("log", "more")}.get(module, ())
-        if not isinstance(kind, FuncType) or (module != WASI and name not in own):
+        own = _OWN.get(module, {}).get(name)
+        if not isinstance(kind, FuncType) or (module != WASI and own is None):
             unknown.append(f"{module}.{name}")
             continue
-        linker.define_func(module, name, kind, _function(host, name), access_caller=True)
+        function = _function(host, name if own is None else own)
+        linker.define_func(module, name, kind, function, access_caller=True)
     if unknown:
         raise FmuError(
             place,
@@ -171,7 +192,7 @@ def _function(host: Host, name: str) -> Callable[..., Any]:
 
 def _memory(caller: Caller) -> Memory:
     memory: Any = caller["memory"]
-    return memory  # type: ignore[no-any-return]
+    return memory
 
 
 def _text(caller: Caller, place: int) -> str:

@@ -96,10 +96,10 @@ class SandboxLibrary(FmuLibrary):
         self._store.set_limits(host.limit, _ELEMENTS, 1, _TABLES, _MEMORIES)
         linker = Linker(engine())
         define_imports(linker, self._host, made.imports, place)
-        ticks = ticks_of(watchdog)
-        self._store.set_epoch_deadline(ticks)
+        self._ticks = ticks = ticks_of(watchdog)
         if watchdog is not None:
             interrupted(self)
+        self._store.set_epoch_deadline(ticks)
         try:
             instance = linker.instantiate(self._store, made)
             self._exports = instance.exports(self._store)
@@ -197,4 +197,5 @@ class SandboxLibrary(FmuLibrary):
     def _run(self, name: str) -> int:
         """Call a function of the module without arguments; 0 if there is none."""
         function: Any = self._exports.get(name)
+        self._store.set_epoch_deadline(self._ticks)
         return 0 if function is None else (function(self._store) or 0)
