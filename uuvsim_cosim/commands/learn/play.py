@@ -144,6 +144,12 @@ def play_command(
             help="File to write: .html or .png (animated); any other name is a folder of pictures.",
         ),
     ] = None,
+    live: Annotated[
+        bool,
+        typer.Option(
+            "--live", help="Write a page (.html) that computes the episode in the browser."
+        ),
+    ] = False,
     window: Annotated[
         bool, typer.Option("--window", help="Show the episode in a window instead.")
     ] = False,
@@ -160,6 +166,10 @@ def play_command(
         raise InputInvalid(f"--seed {seed}: expected 0 or more")
     if window and out is not None:
         raise InputInvalid(f"--window and --out {out}: expected one of them")
+    if live and (window or view):
+        raise InputInvalid("--live and --window or --view", "one of them")
+    if live and out is not None and out.suffix.lower() != ".html":
+        raise InputInvalid(f"--live and --out {out}", "a file .html")
     if window and view:
         raise InputInvalid("--window and --view: expected one of them")
     if out is not None:
@@ -184,21 +194,30 @@ def play_command(
         frames: list[NDArray[np.uint8]] = []
         if view:
             recorded = episode_of(found.task, acts, seed, short_name(found.name))
-        if not view or out is not None:
+        if not live and (not view or out is not None):
             frames = list(frames_of(found.task, acts, seed, "human" if window else "rgb_array"))
         if policy == "random":  # it draws new random numbers
             (acts,) = acting_of([policy], task, options).policies.values()
         figures = evaluate(found.task, acts, 1, seed=seed)
+        if live:
+            from uuvsim_cosim.commands.learn.play_page import write_play_page
+
+            progress.say("compiling the page")
+            out = out or _default_path(found, policy, seed)
+            on_page = write_play_page(found, policy, seed, out, float(figures.returns[0]))
     rows = {
-        "return": number(float(figures.returns[0]), ".4g"),
+        "return": number(float(figures.returns[0]), ".9g" if live else ".4g"),
         "seconds": number(figures.seconds[0], "g"),
     }
+    if live:
+        rows["return on the page"] = number(on_page, ".9g")
     rows |= {k: number(float(v[0]), ".4g") for k, v in figures.metrics.items()}
     line()
     line(f"{found.name}, {policy}, seed {seed}; metrics are means over the second half")
     table(("figure", "value"), list(rows.items()), key="figures")
     if not window and (out is not None or not view):
-        written = _written(found, policy, seed, frames, {k: str(v) for k, v in rows.items()}, out)
+        texts = {k: str(v) for k, v in rows.items()}
+        written = out if live and out else _written(found, policy, seed, frames, texts, out)
         line()
         file_table([written])
         if open_ and not view:
@@ -213,17 +232,22 @@ def play_command(
             close_server(server)
 
 
+def _default_path(found: Acting, policy: str, seed: int) -> Path:
+    from uuvsim_cosim.learn.shared.task_ids import short_name
+
+    name = policy if policy in ("scripted", "random") else "policy"
+    return Path(f"{short_name(found.name)}-{name}-{seed}.html")
+
+
 def _written(
     found: Acting, policy: str, seed: int, frames: Sequence[NDArray[np.uint8]],
     rows: dict[str, str], out: Path | None,
 ) -> Path:  # fmt: skip
-    from uuvsim_cosim.learn.shared.task_ids import short_name
     from uuvsim_cosim.view.plots.player import player_html
     from uuvsim_cosim.view.plots.png import animated_png, png
 
     seconds = float(found.task.action_step)
-    name = policy if policy in ("scripted", "random") else "policy"
-    path = out or Path(f"{short_name(found.name)}-{name}-{seed}.html")
+    path = out or _default_path(found, policy, seed)
     try:
         if path.suffix.lower() not in (".html", ".png"):
             path.mkdir(parents=True, exist_ok=True)

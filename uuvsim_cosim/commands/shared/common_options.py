@@ -73,7 +73,7 @@ GROUPS: dict[str, dict[str, tuple[str, ...]]] = {
     },
     "play": {
         _TASK: ("--policy", "--task-set", "--other-task", "--seed"),
-        OUTPUT: ("--out", "--window", "--open", "--view", "--port"),
+        OUTPUT: ("--out", "--live", "--window", "--open", "--view", "--port"),
     },
     "models import": {
         "Surface": ("--scale", "--axes", "--turn-inside-out"),
@@ -178,7 +178,11 @@ EXAMPLES: dict[str, tuple[str, ...]] = {
     "train-offline": ("train-offline s.npz --algo dt -o dt",),
     "collect": ("collect transition_1 --policy scripted --episodes 400 -o s.npz",),
     "evaluate": ("evaluate source_sac runs/train/source-sac-3 -o figures.csv",),
-    "play": ("play --policy runs/train/source-sac-3", "play transition_1 -o episode.html"),
+    "play": (
+        "play --policy runs/train/source-sac-3",
+        "play transition_1 -o episode.html",
+        "play --policy source_sac --live -o page.html",
+    ),
     "export-policy": ("export-policy models/policies/source_sac.npz -o policy.fmu",),
     "reproduce": ("reproduce fig7 --no-run",),
     "access": ("access check access.yaml",),

@@ -21,6 +21,7 @@ __all__ = ["ActionBox", "ObservationBox"]
 class ActionBox:
     """Actions in [-1, 1] of channels, which are unconnected inputs; `width` numbers in order.
 
+    An action a sets the input, in its unit, to `middle` + `half` a, of shape (width, 1) each.
     `problems` lists the mistakes in the channels.
     """
 
@@ -53,12 +54,12 @@ class ActionBox:
             self.problems.append(Problem("actions", "no channel", "at least one"))
         self.width = len(self.targets)
         low, high = np.array(lows), np.array(highs)
-        self._middle = (low / 2 + high / 2)[:, None]
-        middle, half = self._middle[:, 0], high / 2 - low / 2
+        self.middle = (low / 2 + high / 2)[:, None]
+        middle, half = self.middle[:, 0], high / 2 - low / 2
         for _ in range(4):  # until rounding cannot lead out of the limits
             out = (middle - half < low) | (middle + half > high)
             half = np.where(out, np.nextafter(half, 0.0), half)
-        self._half = half[:, None]
+        self.half = half[:, None]
 
     def checked(self, actions: object, n: int | None, place: str) -> Array:
         """Return actions of shape (n, width), clipped to [-1, 1]; raises InputInvalid.
@@ -97,12 +98,16 @@ class ActionBox:
 
     def scaled(self, actions: Array) -> Array:
         """Return the values of the inputs, in their units, of shape (width, n)."""
-        return np.asarray(self._middle + self._half * actions.T)
+        return np.asarray(self.middle + self.half * actions.T)
 
 
 @final
 class ObservationBox:
-    """Observations of some channels, then `extra`: `low` and `high` are the box."""
+    """Observations of some channels, then `extra`: `low` and `high` are the box.
+
+    Of the channels, number i is `factor` [i] times row `rows` [i] of the signals, plus `offset`
+    [i]; those of `sines` are then replaced by the sine, and the number after each by the cosine.
+    """
 
     def __init__(
         self,
@@ -143,9 +148,9 @@ class ObservationBox:
                 factor += (2.0 / (high - low)).tolist()
                 offset += (-(high + low) / (high - low)).tolist()
                 scaled += [True] * len(mine)
-        self._rows = np.concatenate(rows)
-        self._factor, self._offset = np.array(factor)[:, None], np.array(offset)[:, None]
-        self._sines = sines
+        self.rows = np.concatenate(rows)
+        self.factor, self.offset = np.array(factor)[:, None], np.array(offset)[:, None]
+        self.sines = sines
         self._buffers: dict[int, tuple[Array, NDArray[np.float32]]] = {}
         low_extra, high_extra = (np.asarray(e, np.float32).ravel() for e in extra)
         self.n_extra = len(low_extra)
@@ -156,7 +161,7 @@ class ObservationBox:
         edge = np.where(scaled, np.float32(1), np.float32(np.inf)).astype(np.float32)
         self.low = np.concatenate([-edge, low_extra]).astype(np.float32)
         self.high = np.concatenate([edge, high_extra]).astype(np.float32)
-        self._n_own = len(self._rows)
+        self._n_own = len(self.rows)
         self.width = len(self.low)
         self._least = self.low[:, None] if np.any(np.isfinite(self.low)) else None
         self._greatest = self.high[:, None]
@@ -181,12 +186,12 @@ class ObservationBox:
             own = np.empty((self._n_own, n))
             self._buffers = {n: (own, np.empty((self.width, n), np.float32))}
         own, columns = self._buffers[n]
-        values.take(self._rows, axis=0, out=own, mode="clip")
-        own *= self._factor
-        for i in self._sines:
+        values.take(self.rows, axis=0, out=own, mode="clip")
+        own *= self.factor
+        for i in self.sines:
             np.sin(own[i], out=own[i])
             np.cos(own[i + 1], out=own[i + 1])
-        own += self._offset
+        own += self.offset
         with np.errstate(over="ignore"):
             columns[: self._n_own] = own
         if self.n_extra:

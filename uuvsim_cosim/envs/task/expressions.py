@@ -31,12 +31,14 @@ __all__ = [
     "Given",
     "Logical",
     "Results",
+    "Symbolic",
     "Symbols",
     "declared_methods",
     "evaluated_of",
     "results_of",
     "sin_cos",
     "split_action",
+    "symbolic_of",
 ]
 
 Array = NDArray[np.float64]
@@ -362,19 +364,41 @@ def _compiled(f: Any, n_in: int, n_out: int) -> Callable[..., None]:
 _evaluated: WeakKeyDictionary[Any, Evaluated | None] = WeakKeyDictionary()
 
 
+@dataclass(frozen=True)
+class Symbolic:
+    """Expressions of a task that are not compiled, and their symbols by key, as flat columns.
+
+    A key is ("now" or "before", signal), ("action", agent), ("start", variable) or ("step", "").
+    """
+
+    place: str  # for messages
+    results: Results
+    symbols: Mapping[Key, Any]
+
+
+def symbolic_of(task: Task | TeamTask) -> Symbolic | None:
+    """Return the expressions of a task, or None if it declares none; raises InputInvalid."""
+    signals = Signals(flatten(task.system), _names(task))
+    m = Symbols(task, signals)
+    place = f"task {type(task).__name__}, expressions()"
+    declared = task.expressions(m)
+    if declared is None:
+        return None
+    if not isinstance(declared, Mapping):
+        raise InputInvalid(place, f"{declared!r}", "expressions by name")
+    for name in declared:
+        if name not in METHODS:
+            raise InputInvalid(place, f"{name!r}", f"some of {', '.join(sorted(METHODS))}")
+    return Symbolic(place, declared, m._made)
+
+
 def evaluated_of(task: Task | TeamTask) -> Evaluated | None:
     """Return the compiled expressions of a task, or None if it declares none."""
     if task not in _evaluated:
-        signals = Signals(flatten(task.system), _names(task))
-        m = Symbols(task, signals)
-        place = f"task {type(task).__name__}, expressions()"
-        declared = task.expressions(m)
-        if declared is not None and not isinstance(declared, Mapping):
-            raise InputInvalid(place, f"{declared!r}", "expressions by name")
-        for name in declared or {}:
-            if name not in METHODS:
-                raise InputInvalid(place, f"{name!r}", f"some of {', '.join(sorted(METHODS))}")
-        _evaluated[task] = None if declared is None else Evaluated(task, place, declared, m._made)
+        found = symbolic_of(task)
+        _evaluated[task] = (
+            None if found is None else Evaluated(task, found.place, found.results, found.symbols)
+        )
     return _evaluated[task]
 
 

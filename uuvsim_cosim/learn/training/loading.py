@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from uuvsim_cosim.envs.tasks import scripted
     from uuvsim_cosim.envs.tasks.scripted import Policies
 
-__all__ = ["acting_in", "load_policies", "policy_path", "random_policy"]
+__all__ = ["acting_in", "load_policies", "policies_by_agent", "policy_path", "random_policy"]
 
 MARKS = ("-", ".")  # between a file's stem and its agent: of trainings, of kept results
 
@@ -108,6 +108,17 @@ def acting_in(task: Task | TeamTask, policies: Sequence[Policy], name: str) -> P
     >>> evaluate(task, act, episodes=4).returns.shape
     (4,)
     """
+    acts = {agent: _act(p) for agent, p in policies_by_agent(task, policies, name).items()}
+    return acts if isinstance(task, TeamTask) else acts["agent"]
+
+
+def policies_by_agent(
+    task: Task | TeamTask, policies: Sequence[Policy], name: str
+) -> dict[str, Policy]:
+    """Return the policy of each agent, as `acting_in` assigns them, with its errors.
+
+    A task of one agent names it "agent".
+    """
     observed, acted = widths(task)
     for p in policies:
         if (len(p.observation), len(p.action)) != (observed, acted):
@@ -123,7 +134,7 @@ def acting_in(task: Task | TeamTask, policies: Sequence[Policy], name: str) -> P
     if not isinstance(task, TeamTask):
         if len(policies) > 1:
             raise InputInvalid(f"policies of {', '.join(named)}", f"one, for {name}")
-        return _act(policies[0])
+        return {"agent": policies[0]}
     agents = agents_of(task)
     lacking = [agent for agent in agents if agent not in named]
     if lacking and "" not in named:  # fine only if they are of the whole team that learned
@@ -137,9 +148,7 @@ def acting_in(task: Task | TeamTask, policies: Sequence[Policy], name: str) -> P
                 f"{', '.join(missing)}",
                 f"a file of each agent beside the others, as best-{missing[0]}.npz",
             )
-    return {
-        agent: _act(named.get(agent, policies[i % len(policies)])) for i, agent in enumerate(agents)
-    }
+    return {agent: named.get(agent, policies[i % len(policies)]) for i, agent in enumerate(agents)}
 
 
 def random_policy(task: Task | TeamTask, seed: int | Sequence[int] = 0) -> Policies:
