@@ -117,9 +117,16 @@ def measure_kernel(
 
 
 def one_step_a_call(name: str, n: int, repeats: int) -> None:
-    """Compare 1 and 100 steps a call, with parameters that are read once and in every block."""
+    """Compare 1 and 100 steps a call, by what passes through memory in a step.
+
+    These are the poses and velocities of hulls alone ("read"), all inputs and outputs ("shared"),
+    the same in whole blocks of lanes ("blocks"), and also the parameters ("own").
+    """
     kernel = fuse(uuv.load(name))
-    batches = {"shared": kernel.batch(n), "own": kernel.batch(n)}
+    reads = [v for v in kernel.variables if v.endswith(("hull.eta", "hull.nu"))]
+    batches = {"read": kernel.batch(n, reads=reads)}
+    batches |= {form: kernel.batch(n) for form in ("shared", "blocks", "own")}
+    _ = batches["blocks"].free_cells  # from now on, blocks are whole
     _ = batches["own"].cells  # a caller may write them, so nothing is shared
     times: dict[tuple[str, int], list[float]] = {}
     for batch in batches.values():
@@ -136,7 +143,7 @@ def one_step_a_call(name: str, n: int, repeats: int) -> None:
     for form, batch in batches.items():
         one, many = (1e6 * statistics.median(times[form, m]) for m in (1, 100))
         print(
-            f"  {name}, {n} environments, parameters {form:6}: {one:.3f} us with 1 step a call, "
+            f"  {name}, {n} environments, {form:6}: {one:.3f} us with 1 step a call, "
             f"{many:.3f} us with 100: {many / one:.0%} of the rate"
         )
         batch.close()

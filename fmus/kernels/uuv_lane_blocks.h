@@ -34,11 +34,8 @@ UUV_KERNEL_API int32_t uuv_kernel_step(V *memory, const uint8_t *is_own, uint64_
     int32_t failed = 0;
     for (uint64_t i = first; i < last; i++) {
         V *m = memory + i * N_CELLS;
-        uuv_lane_sources at = {is_own, -(int64_t)(i * N_CELLS), 0};
-        for (uint64_t k = 0; k < n; k++) {
-            if (k + 1 == n && i + 1 < last) at.to_next = N_CELLS;
-            step(m, &at);
-        }
+        const uuv_lane_sources at = {is_own, -(int64_t)(i * N_CELLS), 0};
+        for (uint64_t k = 0; k < n; k++) step(m, &at);
         failed |= uuv_any(~uuv_mask_of_words(uuv_words_equal(*lane_words(m, WORD_FAILED), 0)));
     }
     return failed;
@@ -114,6 +111,8 @@ UUV_KERNEL_API void uuv_kernel_seed(V *start, const uint64_t *seeds, const uint8
         }
     }
 }
+
+#include "uuv_lane_parts.h"
 
 /* What follows from the parameters of a component, after they were set. */
 UUV_KERNEL_API void uuv_kernel_derive(V *memory, uint32_t member, uint64_t first, uint64_t last) {

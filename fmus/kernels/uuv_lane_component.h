@@ -21,20 +21,27 @@ typedef struct {
     V t, end, length;
 } uuv_lane_time;
 
-/* Where the parameters of a block are in this step, and the block that is stepped next.
+/* Memory of the next block, which is asked for in pieces while this block is stepped. */
+typedef struct {
+    const char *next, *end; /* that were not asked for yet */
+    uint64_t size;          /* bytes of all */
+} uuv_lane_fetch;
+
+/* Where the parameters of a block are in this step, and the memory that is needed next.
  *
  * If the parameters of a component have equal values in all lanes, every block reads those of the
  * first block. They stay in the processor's cache, whereas a block's own ones come from memory. */
 typedef struct {
     const uint8_t *is_own; /* by first cell of a component: whether each block reads its own; or 0 */
-    int64_t to_first;    /* cells from this block to the first one */
-    int64_t to_next;     /* cells from this block to the next one, which is prefetched; or 0 */
+    int64_t to_first;      /* cells from this block to the first one */
+    uuv_lane_fetch *fetch; /* or 0 */
 } uuv_lane_sources;
 
 typedef struct {
     uint32_t n_block, off_parameters, off_derived, off_x, n_x, n_z, off_y, n_clocks;
     uint32_t n_held; /* values that a step holds */
     int32_t off_seed; /* or -1 */
+    int32_t is_seeded; /* derived values depend on the seed, so they are never shared */
     const uuv_lane_clock *clocks;
     void (*derived)(const V *b, V *out);
     void (*initial)(const V *b, V *out);

@@ -46,12 +46,6 @@ UUV_STEP_INLINE void lane_draw(const V *seed, const uuv_lane_clock *clock, uuv_w
 
 #endif
 
-/* Asks for n cells, so that they come from memory while other cells are computed with. */
-UUV_STEP_INLINE void lane_prefetch(const V *cells, uint32_t n) {
-    const char *first = (const char *)cells, *end = (const char *)(cells + n);
-    for (; first < end; first += 64) __builtin_prefetch(first, 1, 2);
-}
-
 /* x = x0 + h k, of all components */
 UUV_STEP_INLINE void lane_advance_states(const uuv_lane_component *c, V *b, uint32_t count, V h,
                                          const V *x0, const V *k) {
@@ -117,23 +111,11 @@ static void stepper_integrate(V *b, const V *p, V t, V length, uint32_t n_pieces
     lane_integrate(&the_component, b, &p, 1, t, length, n_pieces, scratch);
 }
 
-/* The block that has the parameters of b; the next block's cells of the component are fetched. */
-UUV_STEP_INLINE const V *lane_parameters(const uuv_lane_component *c, const V *cells, const V *b,
-                                         const uuv_lane_sources *at) {
-    const int is_own = lane_is_own(cells, b, at);
-    if (at->to_next) {
-        const V *next = b + at->to_next;
-        lane_prefetch(next, is_own ? c->n_block : c->off_parameters);
-        if (!is_own) lane_prefetch(next + c->off_x, c->n_block - c->off_x);
-    }
-    return is_own ? b : b + at->to_first;
-}
-
 static void stepper_do_step(V *cells, V *b, uint32_t n_pieces, const uint8_t *periods,
                             uint32_t n_periods, const uuv_lane_time *now,
                             const uuv_lane_sources *at, V *scratch) {
     const uuv_lane_component *c = &the_component;
-    const V *p = lane_parameters(c, cells, b, at);
+    const V *p = lane_parameters(cells, b, at);
     for (uint32_t i = 0; i < c->n_clocks; i++) {
         const uuv_mask due = uuv_mask_of_words(lane_phase_is(cells, periods[i], 0));
         if (!uuv_any(due)) continue;
@@ -152,7 +134,7 @@ static void stepper_do_step_together(V *cells, V *b, uint32_t count, uint32_t n_
     const uuv_lane_component *c = &the_component;
     const V *p[count];
     V sum = uuv_const(0);
-    for (uint32_t j = 0; j < count; j++) p[j] = lane_parameters(c, cells, b + j * c->n_block, at);
+    for (uint32_t j = 0; j < count; j++) p[j] = lane_parameters(cells, b + j * c->n_block, at);
     lane_integrate(c, b, p, count, now->t, now->length, n_pieces, scratch);
     for (uint32_t j = 0; j < count; j++) {
         V *own = b + j * c->n_block;

@@ -35,9 +35,18 @@ static inline uuv_lane_time lane_time(V *cells, uint64_t after, uint64_t ticks, 
     return now;
 }
 
-/* Whether the parameters of the component at b are read in its own block. */
-static inline int lane_is_own(const V *cells, const V *b, const uuv_lane_sources *at) {
-    return !at->is_own || at->is_own[b - cells];
+/* The block that has the parameters of the component at b: its own one, or the first. */
+static inline const V *lane_parameters(const V *cells, const V *b, const uuv_lane_sources *at) {
+    return !at->is_own || at->is_own[b - cells] ? b : b + at->to_first;
+}
+
+/* Asks for the next part of that memory, at least `share` 1024ths of all, so that it comes while a
+ * component is stepped. */
+static inline void lane_fetch(const uuv_lane_sources *at, uint64_t share) {
+    uuv_lane_fetch *f = at->fetch;
+    if (!f) return;
+    for (uint64_t n = f->size * share / 65536 + 1; n && f->next < f->end; n--, f->next += 64)
+        __builtin_prefetch(f->next, 1, 3);
 }
 
 /* Ticks since the last sample of period j are 0: it is due. */

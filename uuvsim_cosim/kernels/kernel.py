@@ -97,14 +97,16 @@ class Kernel(Program):
         seeds: Seeds | None = None,
         start: Mapping[str, object] | None = None,
         threads: int = 1,
+        reads: Sequence[str] | None = None,
     ) -> Batch:
         """Make `n_envs` initialized environments, which `threads` threads step.
 
         `seeds` is a system seed for each, or one s for s, s + 1, …; by default 0, 1, …. `start`
         are start values by name ("hull.eta_0"): of the variable's shape, or one row for each
-        environment.
+        environment. `reads` names the outputs and inputs that `get` returns, by default all; a
+        step of many environments then takes less time.
         """
-        return Batch(self, n_envs, seeds=seeds, start=start, threads=threads)
+        return Batch(self, n_envs, seeds=seeds, start=start, threads=threads, reads=reads)
 
     def jvp(
         self,

@@ -36,43 +36,46 @@ class KernelPlant:
     ) -> None:
         self.n = n
         self.tick = kernel.fused.plan.tick
-        self._batch = kernel.batch(n, threads=threads)
+        acted = [name for name, _ in acts]
+        self._batch = kernel.batch(n, threads=threads, reads=[*reads, *acted])
         self.variables = self._batch.variables
         # The declared start values of all variables that `start` has named: a later reset without
         # them must set them back.
         self._given: dict[str, Array] = {}
         self._kernel = kernel
-        self._cells = self._batch.free_cells
-        self._out = np.array([c for name in reads for c in self._places(name)], np.intp)
-        self._in = np.array([self._places(name)[i] for name, i in acts], np.intp)
-        self._runs = _runs(self._out)
-        self._width = self._cells.shape[2]
+        self._width = kernel.lanes
+        self._views = [self._batch.view(name) for name in reads]
+        self._inputs = [self._batch.view(name)[:, i] for name, i in acts]
+        self._one: Array | None = None  # the cells of the only block
+        if n <= self._width:
+            self._one = self._batch.free_cells[0]
+            self._out = np.array([c for name in reads for c in self._places(name)], np.intp)
+            self._in = np.array([self._places(name)[i] for name, i in acts], np.intp)
 
     def gather(self) -> Array:
         """Copy the variables that are read, of shape (size, n)."""
-        cells = self._cells
-        if len(cells) == 1:
-            rows = cells[0].take(self._out, axis=0)
+        if self._one is not None:
+            rows = self._one.take(self._out, axis=0)
             return np.asarray(rows[:, : self.n], np.float64)
-        rows = np.empty((len(self._out), len(cells), self._width))
+        size = sum(view.shape[1] for view in self._views)
+        rows = np.empty((size, -(-self.n // self._width), self._width))
         at = 0
-        for first, count in self._runs:
-            rows[at : at + count] = cells[:, first : first + count, :].swapaxes(0, 1)
-            at += count
-        return rows.reshape(len(self._out), -1)[:, : self.n]
+        for view in self._views:
+            rows[at : at + view.shape[1]] = view.swapaxes(0, 1)
+            at += view.shape[1]
+        return rows.reshape(size, -1)[:, : self.n]
 
     def scatter(self, values: Array) -> None:
         """Set the inputs that are acted on, of shape (width, n)."""
-        cells = self._cells
-        if len(cells) == 1:
-            cells[0, self._in, : self.n] = values
+        if self._one is not None:
+            self._one[self._in, : self.n] = values
             return
         blocks, rest = divmod(self.n, self._width)
-        whole = values[:, : blocks * self._width].reshape(len(self._in), blocks, self._width)
-        for row, cell in enumerate(self._in):
-            cells[:blocks, cell, :] = whole[row]
-        if rest:
-            cells[blocks, self._in, :rest] = values[:, -rest:]
+        whole = values[:, : blocks * self._width].reshape(len(values), blocks, self._width)
+        for row, cells in enumerate(self._inputs):
+            cells[:blocks] = whole[row]
+            if rest:
+                cells[blocks, :rest] = values[row, -rest:]
 
     def step(self, ticks: int) -> None:
         """Make communication steps in all copies."""
@@ -124,11 +127,3 @@ class KernelPlant:
         v = fused.plan.components[i].description.variables[own]
         first = fused.members[i].cell + v.value_references[0]
         return range(first, first + v.size)
-
-
-def _runs(cells: NDArray[np.intp]) -> list[tuple[int, int]]:
-    """Return consecutive cells as (first, count)."""
-    if not len(cells):
-        return []
-    ends = np.flatnonzero(np.diff(cells) != 1) + 1
-    return [(int(part[0]), len(part)) for part in np.split(cells, ends)]

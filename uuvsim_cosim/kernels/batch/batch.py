@@ -16,6 +16,7 @@ from uuvsim_cosim.errors import ComponentFailed, InputInvalid
 from uuvsim_cosim.fmus.description import Variable
 from uuvsim_cosim.fmus.resources import refuse_beyond
 from uuvsim_cosim.kernels.batch.memory import Lanes, Signal, aligned, signal_of
+from uuvsim_cosim.kernels.batch.parts import Parts
 from uuvsim_cosim.kernels.batch.sharing import Sharing
 from uuvsim_cosim.kernels.batch.threads import Threads
 from uuvsim_cosim.kernels.codegen.program import Program
@@ -24,6 +25,7 @@ from uuvsim_cosim.orchestrator.plan.seeds import seed_words
 __all__ = ["Batch", "Seeds"]
 
 Seeds = int | Sequence[int] | np.ndarray
+_SMALL = 1 << 22  # bytes of values that stay in the processor's cache between two calls
 TICK, FAILED, FAILED_TICK = 0, 1, 2  # words, as in fmus/kernels/uuv_lane_steps.h
 
 
@@ -36,6 +38,9 @@ class Batch(Closing):
     one row for each environment. An environment keeps its seed and its start values until `reset`
     gets others; values of `set` are kept until its next reset. Raises InputInvalid for a name or a
     shape that does not fit. A ``with`` block closes it.
+
+    With `reads`, "hull.eta", `get` returns these variables and parameters only, and a step of many
+    environments takes less time, because it does not write the others to memory.
 
     Example:
 
@@ -67,14 +72,20 @@ class Batch(Closing):
         seeds: Seeds | None = None,
         start: Mapping[str, object] | None = None,
         threads: int = 1,
+        reads: Sequence[str] | None = None,
     ) -> None:
         if n_envs < 1 or threads < 1:
             raise InputInvalid(f"{n_envs} environments in {threads} threads", "at least 1")
         self.kernel = kernel
         self.n_envs = n_envs
         fused, dtype = kernel.fused, kernel.dtype
-        refuse_beyond(n_envs, (fused.n_cells + fused.n_start) * dtype.itemsize)
+        refuse_beyond(n_envs, (fused.n_cells + fused.n_moved + fused.n_start) * dtype.itemsize)
         self._memory = Lanes(n_envs, fused.n_cells, kernel.lanes, dtype, fused.n_words)
+        self._reads = None if reads is None else frozenset(reads)
+        self._parts: Parts | None = None
+        if self._memory.cells.nbytes > _SMALL:
+            self._parts = Parts(fused, self._memory, self._reads)
+        self._words = self._memory if self._parts is None else self._parts.words
         self._start = Lanes(n_envs, fused.n_start, kernel.lanes, dtype)
         workers = min(threads, self._memory.n_blocks)
         # More ranges than threads, so that a thread whose processor is busy works on fewer.
@@ -88,7 +99,6 @@ class Batch(Closing):
         self._raised = np.zeros(n_envs, bool)
         self._signals: dict[str, Signal] = {}
         self._sharing = Sharing(fused)
-        self._step = kernel.c.uuv_kernel_step
         self._address, self._n_blocks = self._memory.address, self._memory.n_blocks
         self._tick_length = fused.plan.tick.numerator, float(fused.plan.tick.denominator)
         # Start values of the declarations, then those of the plan.
@@ -104,6 +114,8 @@ class Batch(Closing):
             for name, given in planned.start.items():
                 signal = self._signal(f"{m.path}.{name}")
                 signal.start.write(signal.checked_start(given))
+        for name in self._reads or ():
+            self._signal(name)
         self.reset(seeds=0 if seeds is None else seeds, start=start)
 
     def close(self) -> None:
@@ -140,6 +152,10 @@ class Batch(Closing):
             lanes = np.ascontiguousarray(self._memory.padded(chosen).view(np.uint8))
         masks = 0 if lanes is None else lanes.ctypes.data
         c, memory, begin = self.kernel.c, self._address, self._start.address
+        parts = self._parts
+        if parts is not None and chosen is not None:
+            own = parts.address
+            self._each(lambda _, a, b: c.uuv_kernel_copy_parts(memory, own, 1, masks, a, b))
         if words is not None:
             seeded = words.ctypes.data
             self._each(lambda _, a, b: c.uuv_kernel_seed(begin, seeded, masks, a, b))
@@ -147,6 +163,9 @@ class Batch(Closing):
         failed = self._each(
             lambda n, a, b: c.uuv_kernel_reset(memory, begin, masks, scratch[n], a, b)
         )
+        if parts is not None:
+            own = parts.address
+            self._each(lambda _, a, b: c.uuv_kernel_copy_parts(memory, own, 0, masks, a, b))
         if chosen is None:
             self._raised[:] = False
         else:
@@ -163,24 +182,33 @@ class Batch(Closing):
         """
         if n < 0:
             raise InputInvalid(f"{n} steps", "0 or more")
-        if self._threads is None:
-            failed = self._step(self._address, self._sharing.address, 0, self._n_blocks, n)
+        c, memory, own, parts = self.kernel.c, self._address, self._sharing.address, self._parts
+        if parts is not None:
+            if n == 0:
+                return
+            address, work = parts.address, self._scratch
+            failed = any(
+                self._each(
+                    lambda i, a, b: c.uuv_kernel_step_parts(memory, own, address, work[i], a, b, n)
+                )
+            )
+        elif self._threads is None:
+            failed = c.uuv_kernel_step(memory, own, 0, self._n_blocks, n)
         else:
-            step, memory, own = self._step, self._address, self._sharing.address
-            failed = any(self._each(lambda _, a, b: step(memory, own, a, b, n)))
+            failed = any(self._each(lambda _, a, b: c.uuv_kernel_step(memory, own, a, b, n)))
         if failed and check:
             self._check()
 
     @property
     def tick(self) -> np.ndarray:
         """Return the communication point that each environment has reached, (n_envs,)."""
-        return self._memory.word(TICK).astype(np.int64)
+        return self._words.word(TICK).astype(np.int64)
 
     @property
     def time(self) -> np.ndarray:
         """Return each environment's time, (n_envs,) [s]."""
         numerator, denominator = self._tick_length
-        return (self._memory.word(TICK) * np.uint64(numerator)).astype(float) / denominator
+        return (self._words.word(TICK) * np.uint64(numerator)).astype(float) / denominator
 
     @property
     def failed(self) -> np.ndarray:
@@ -188,7 +216,7 @@ class Batch(Closing):
 
         The shape is (n_envs,).
         """
-        return np.asarray(self._memory.word(FAILED) != 0)
+        return np.asarray(self._words.word(FAILED) != 0)
 
     def failure(self, e: int) -> ComponentFailed | None:
         """Return the first failure of environment `e` since its reset, if it has failed."""
@@ -211,19 +239,41 @@ class Batch(Closing):
         step, also those that have the same value in all environments, which takes longer.
         """
         self._sharing.end()
-        return self._memory.cells
+        return self.free_cells
 
     @property
     def free_cells(self) -> np.ndarray:
-        """Return `cells`, of which inputs and outputs alone may be written."""
+        """Return `cells`, of which inputs and outputs alone may be written.
+
+        From now on, a step therefore writes all of them to memory, which takes longer. Variables
+        that are not in `reads` are valid after the next step.
+        """
+        self._join()
         return self._memory.cells
+
+    def view(self, name: str) -> np.ndarray:
+        """Return the values of a variable in memory, (blocks, elements, lanes).
+
+        You may write those of an input. Reading `cells` or `free_cells` makes it invalid.
+
+        Example:
+
+        >>> import uuvsim_cosim as uuv
+        >>> kernel = uuv.fuse(uuv.System("tank").add("hull", "model:sphere"))
+        >>> kernel.batch(20).view("hull.eta").shape
+        (3, 6, 8)
+        """
+        signal = self._readable(name)
+        if not signal.is_parameter:
+            self._sharing.written(signal)
+        return signal.own.view()
 
     def get(self, name: str) -> np.ndarray:
         """Copy the variable `name`, "hull.eta": a row for each environment, in its unit.
 
         The rows have the kernel's number type.
         """
-        return (self._signals.get(name) or self._signal(name)).own.read()
+        return self._readable(name).own.read()
 
     def set(self, name: str, values: object, mask: ArrayLike | None = None) -> None:
         """Set the unconnected input or the tunable parameter `name`, where the `mask` is true.
@@ -236,7 +286,7 @@ class Batch(Closing):
         if s.is_parameter:
             c, memory = self.kernel.c, self._address
             self._each(lambda _, a, b: c.uuv_kernel_derive(memory, s.member, a, b))
-            self._sharing.set(s, equal=mask is None and rows.ndim == len(s.variable.shape))
+        self._sharing.set(s, equal=mask is None and rows.ndim == len(s.variable.shape))
 
     # ---- inside ---------------------------------------------------------------------------
 
@@ -250,8 +300,25 @@ class Batch(Closing):
 
     def _signal(self, name: str) -> Signal:
         if name not in self._signals:
-            self._signals[name] = signal_of(self.kernel, name, self._memory, self._start)
+            parts = [] if self._parts is None else [self._parts.place]
+            self._signals[name] = signal_of(self.kernel, name, self._memory, self._start, *parts)
         return self._signals[name]
+
+    def _readable(self, name: str) -> Signal:
+        signal = self._signals.get(name) or self._signal(name)
+        if self._reads is not None and name not in self._reads and not signal.is_parameter:
+            raise InputInvalid(name, "is not in `reads` of the batch", ", ".join(self._reads))
+        return signal
+
+    def _join(self) -> None:
+        """Hold all values of a block together from now on."""
+        parts, c, memory = self._parts, self.kernel.c, self._address
+        if parts is None:
+            return
+        own = parts.address
+        self._each(lambda _, a, b: c.uuv_kernel_copy_parts(memory, own, 1, None, a, b))
+        self._parts, self._words = None, self._memory
+        self._signals.clear()
 
     def _seeds(self, seeds: Seeds) -> np.ndarray:
         """Return one seed for each lane; a single seed s stands for s, s + 1, …."""
@@ -292,11 +359,11 @@ class Batch(Closing):
         raise failure
 
     def _failure(self, e: int, more: str) -> ComponentFailed | None:
-        cell = int(self._memory.word(FAILED)[e]) - 1
+        cell = int(self._words.word(FAILED)[e]) - 1
         if cell < 0:
             return None
         fused = self.kernel.fused
         place, path = fused.name_of(cell)
-        tick = int(self._memory.word(FAILED_TICK)[e])
+        tick = int(self._words.word(FAILED_TICK)[e])
         time = float(tick * fused.plan.tick.numerator) / float(fused.plan.tick.denominator)
         return ComponentFailed(path, time, f"{place} is not finite in environment {e}{more}")

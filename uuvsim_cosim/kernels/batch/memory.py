@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from math import prod
 from typing import final
@@ -78,11 +79,16 @@ class Column:
     ) -> None:
         cells = lanes.cells.view(np.int32) if bits else lanes.cells
         size = prod(shape)
-        every = cells[:, first : first + size, :].transpose(0, 2, 1)
+        self._cells = cells[:, first : first + size, :]
+        every = self._cells.transpose(0, 2, 1)
         self._every = every.reshape(lanes.n_blocks, lanes.width, *shape)
         self._own = self._every[0, : lanes.n_envs] if lanes.n_blocks == 1 else None
         self._rows = (lanes.n_blocks * lanes.width, *shape)
         self._lanes, self._dtype, self._shape = lanes, dtype, shape
+
+    def view(self) -> np.ndarray:
+        """Return the cells: (blocks, elements, lanes)."""
+        return self._cells
 
     def read(self) -> np.ndarray:
         """Copy the values, one row for each environment."""
@@ -168,8 +174,17 @@ class Signal:
         return InputInvalid(self.name, f"is a {v.variability} {v.causality}", expected)
 
 
-def signal_of(kernel: Program, name: str, memory: Lanes, start: Lanes) -> Signal:
-    """Find a variable by its full name, "hull.eta"; raises InputInvalid with similar names."""
+def signal_of(
+    kernel: Program,
+    name: str,
+    memory: Lanes,
+    start: Lanes,
+    place: Callable[[int], tuple[Lanes, int] | None] = lambda cell: None,
+) -> Signal:
+    """Find a variable by its full name, "hull.eta"; raises InputInvalid with similar names.
+
+    `place` returns where the cell of a variable is, if it is not in `memory`.
+    """
     fused = kernel.fused
     path, _, own = name.rpartition(".")
     i = fused.index.get(path)
@@ -184,12 +199,13 @@ def signal_of(kernel: Program, name: str, memory: Lanes, start: Lanes) -> Signal
     bits = kernel.dtype != np.float64 and m.is_seed(own)
     connected = fused.plan.connected.get((i, own), ())
     has_start = first < m.n_start
+    lanes, cell = place(m.cell + first) or (memory, m.cell + first)
     return Signal(
         name,
         v,
         i,
         memory.n_envs,
-        Column(memory, m.cell + first, v.shape, dtype, bits=bits),
+        Column(lanes, cell, v.shape, dtype, bits=bits),
         Column(start, m.start_cell + first if has_start else 0, v.shape, dtype, bits=bits),
         len(connected) == v.size,
         float(np.finfo(kernel.dtype).max),

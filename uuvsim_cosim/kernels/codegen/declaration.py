@@ -34,6 +34,9 @@ def declaration_text(eq: Equations, dtype: np.dtype) -> str:
         invert=dtype == np.float32,
         outputs=outputs,
     )
+    derived = emit_function(eq.derived, "derived(const V *b, V *out)", ("b", "out"))
+    seeds = {seed, seed + 1} if seed >= 0 else set()
+    is_seeded = bool(seeds.intersection(int(i) for i in _CELL.findall(derived)))
     table = [
         *(["static const uuv_lane_clock clocks[] = {", *clocks, "};"] if clocks else []),
         "static const uuv_lane_component the_component = {",
@@ -41,13 +44,13 @@ def declaration_text(eq: Equations, dtype: np.dtype) -> str:
         f"    .off_derived = {o['derived']}, .off_x = {o['state']},",
         f"    .n_x = {n['state']}, .n_z = {n['discrete']}, .off_y = {o['output']},",
         f"    .n_clocks = {len(clocks)}, .off_seed = {seed}, .n_held = {n_held},",
+        f"    .is_seeded = {int(is_seeded)},",
         f"    .clocks = {'clocks' if clocks else '0'},",
         "    .derived = derived, .initial = initial, .held = held, .rhs = rhs,",
         "    .outputs = outputs, .outputs_of_step = outputs_of_step,",
         "};",
         '#include "uuv_lane_stepper.h"',
     ]
-    derived = emit_function(eq.derived, "derived(const V *b, V *out)", ("b", "out"))
     stepped = [
         _with_parameters(rhs),
         _with_parameters(outputs),
@@ -58,8 +61,7 @@ def declaration_text(eq: Equations, dtype: np.dtype) -> str:
             for i, f in enumerate(eq.updates)
         ),
     ]
-    seeds = {seed, seed + 1} if seed >= 0 else set()
-    if not seeds.intersection(int(i) for i in _CELL.findall(derived)):
+    if not is_seeded:
         shared = {*range(o["parameter"], o["state"])} - seeds
         stepped = [
             _CELL.sub(lambda m: f"p[{m[1]}]" if int(m[1]) in shared else m[0], text)

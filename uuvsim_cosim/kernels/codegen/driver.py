@@ -110,8 +110,10 @@ def _steps(fused: Fused, units: Units) -> Iterator[Work]:
     """
     late = [t for t in fused.plan.transfers if not fused.is_early(t)]
     yield from _copying(fused, units, late, stepping=True)
+    whole = sum(map(_work, fused.members))
     for group in _side_by_side(fused):
-        yield units.of[group[0]], partial(_group_step, fused, group)
+        share = round(1024 * sum(_work(fused.members[i]) for i in group) / whole)
+        yield units.of[group[0]], partial(_group_step, fused, group, share)
     for m, unit in zip(fused.members, units.of, strict=True):
         if m.rate >= 0:
             yield unit, partial(_becoming_visible, m)
@@ -129,9 +131,13 @@ def _copying(
         yield unit, partial(copies, fused, list(into), stepping=stepping)
 
 
-def _group_step(fused: Fused, group: Sequence[int], places: Places) -> Iterator[str]:
-    """Yield the step of a member, or of several side by side."""
+def _group_step(fused: Fused, group: Sequence[int], share: int, places: Places) -> Iterator[str]:
+    """Yield the step of a member, or of several side by side.
+
+    Meanwhile, a `share` of the next block's memory is fetched, in 1024ths.
+    """
     m = fused.members[group[0]]
+    yield f"    lane_fetch(at, {share});"
     if places.base == "m":
         yield f"    /* {', '.join(fused.members[i].path for i in group)} */"
     own, call = places.address(m.cell), f"stepper[{m.declaration}]"
@@ -149,6 +155,11 @@ def _group_step(fused: Fused, group: Sequence[int], places: Places) -> Iterator[
         f"    {call}->do_step(m, {own}, {m.cuts[0].pieces}, {_periods(m.periods)}, N_PERIODS, "
         "now, at, scratch);"
     )
+
+
+def _work(m: Member) -> int:
+    """Return about how many operations a step of a member has, at least 1."""
+    return (4 if m.layout.count["state"] else 1) * m.layout.operations + 1
 
 
 def _periods(periods: Sequence[int]) -> str:
@@ -281,7 +292,7 @@ def slower_steps(fused: Fused) -> Iterator[str]:
         yield f"/* {m.source} */"
         yield f"static void {_slower(m)}(V *m, V *b, uuv_mask due, const uuv_lane_sources *at, "
         yield "        V *scratch) {"
-        yield "    const V *p = lane_is_own(m, b, at) ? b : b + at->to_first;"
+        yield "    const V *p = lane_parameters(m, b, at);"
         yield f"    V *x = b + {o['state']}, *pending = b + {m.layout.size};"
         yield f"    V kept[{n_kept + 1}], fresh[{n['output'] + 1}];"
         yield f"    for (uint32_t i = 0; i < {n_kept}; i++) kept[i] = x[i];"

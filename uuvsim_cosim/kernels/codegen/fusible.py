@@ -110,6 +110,12 @@ class Fused:
         return -(-(last.cell + last.size) // self.cells_a_word) * self.cells_a_word
 
     @property
+    def n_moved(self) -> int:
+        """Return the number of cells besides parameters, which a step may change."""
+        fixed = sum(m.layout.count["parameter"] + m.layout.count["derived"] for m in self.members)
+        return self.n_cells - fixed
+
+    @property
     def n_start(self) -> int:
         """Return the number of start values of a block."""
         last = self.members[-1]

@@ -104,6 +104,14 @@ class Program:
         signatures: Signatures = {
             "uuv_kernel_bind": (None, [u32, pointer]),
             "uuv_kernel_step": (ctypes.c_int32, [pointer, pointer, u64, u64, u64]),
+            "uuv_kernel_step_parts": (
+                ctypes.c_int32,
+                [pointer, pointer, pointer, pointer, u64, u64, u64],
+            ),
+            "uuv_kernel_copy_parts": (
+                None,
+                [pointer, pointer, ctypes.c_int32, pointer, u64, u64],
+            ),
             "uuv_kernel_reset": (ctypes.c_int32, [pointer, pointer, pointer, pointer, u64, u64]),
             "uuv_kernel_seed": (None, [pointer, pointer, pointer, u64, u64]),
             "uuv_kernel_derive": (None, [pointer, u32, u64, u64]),

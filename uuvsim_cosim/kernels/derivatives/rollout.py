@@ -121,6 +121,7 @@ class Rollout:
             raise InputInvalid(f"{steps} steps", "at least 1")
         self.kernel, self.steps, self.n_envs, self.kept_bytes = kernel, steps, n_envs, kept_bytes
         self.batch = Batch(kernel, n_envs, seeds=seeds, start=start, threads=threads)
+        _ = self.batch.free_cells  # derivatives read whole blocks
         self.start: Values = {name: np.asarray(v, dtype=float) for name, v in start.items()}
         self.inputs: Values = {name: self._sequence(name, v) for name, v in (inputs or {}).items()}
         twice = self.start.keys() & self.inputs.keys()
