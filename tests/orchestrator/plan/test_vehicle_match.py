@@ -13,6 +13,7 @@ from uuvsim_cosim.fmus.export.model_description import FmiVersion
 from uuvsim_cosim.models.declaration.library import declare
 from uuvsim_cosim.orchestrator.plan.flatten import flatten, plan_to_inspect
 from uuvsim_cosim.orchestrator.running.library import available, load
+from uuvsim_cosim.orchestrator.shipped.of_vehicle import system_of
 from uuvsim_cosim.orchestrator.ssp.ssd import read_ssd, write_ssd
 from uuvsim_cosim.orchestrator.ssp.ssp import pack
 from uuvsim_cosim.orchestrator.system.system import System
@@ -291,6 +292,19 @@ def test_vehicles_of_nested_systems_are_compared_within_each() -> None:
     inner = System("v", "0.01").add("hull", "model:pool8").add("wrench", "model:wrench")
     system = System("s", "0.01").add("one", inner).add("hull", "model:bluerov2_heavy")
     assert set(refused(system)) == {"one.wrench"}
+
+
+def test_another_set_in_a_folder_is_refused_with_the_command_that_flies_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As `uuvsim identify --save-as my_rov@my_fit` writes it."""
+    copy_of_heavy(tmp_path)
+    monkeypatch.chdir(tmp_path)
+    hold = load("bluerov2_hold")
+    text = refused(hold.replace("hull", "model:my_rov@wu_2018"))["controller"]
+    assert "made for bluerov2_heavy, but hull is my_rov@wu_2018: inertia" in text
+    assert "expected `uuvsim run hold --vehicle my_rov@wu_2018`, or --force" in text
+    assert not refused(system_of("my_rov@wu_2018"))
 
 
 def test_a_vehicle_in_a_folder_is_compared_by_its_figures(tmp_path: Path) -> None:

@@ -247,7 +247,7 @@ def test_the_command_prints_intervals_and_writes_the_set_and_the_manoeuvre(
     assert not status_of([*arguments, "--save-as", "my_rov@fit", "--manoeuvre", "next.csv"])
     said = capsys.readouterr().out
     assert "± (95 %)" in said
-    assert "use it as model:my_rov@fit" in said
+    assert "use it as model:my_rov@fit\nfly it with  uuvsim run hold --vehicle my_rov@fit\n" in said
     assert Path("next.csv").read_text().splitlines()[1].startswith("time,tau[1]")
     assert status_of([*arguments, "--map", "hull.tau=taw"]) == 2
     assert "there is no signal 'taw'" in capsys.readouterr().err

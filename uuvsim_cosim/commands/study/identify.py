@@ -14,6 +14,7 @@ from uuvsim_cosim.commands.shared.completion import replacements, systems_and_mo
 from uuvsim_cosim.commands.shared.options import assignments, seconds, value_of
 from uuvsim_cosim.commands.shared.terminal import (
     file_line,
+    for_shell,
     line,
     number,
     put,
@@ -161,6 +162,9 @@ def identify_command(
         for saved in save(found, save_as):
             where = f"set {save_as.rpartition('@')[2]} in {tilde(saved.file)}"
             file_line(saved.file, f"written: {where}; use it as {saved.source}")
+            if saved.file.name == "parameters.yaml":  # gains of other sets are refused with it
+                vehicle = saved.source.removeprefix("model:")
+                line(f"fly it with  uuvsim run hold --vehicle {for_shell(vehicle)}")
     if not found.converged:
         remark("note", f"ipopt ended with {found.status} after {found.iterations} iterations")
 
