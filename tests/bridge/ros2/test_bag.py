@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +15,13 @@ from rosbags.highlevel import AnyReader
 import uuvsim_cosim as uuv
 from tests.conftest import Uuvsim
 from uuvsim_cosim.bridge.ros2.bag import recorded_topics, write_bag
-from uuvsim_cosim.bridge.ros2.topics import Variable, read_topics, topics_of, topics_text
+from uuvsim_cosim.bridge.ros2.topics import (
+    QosProfile,
+    Variable,
+    read_topics,
+    topics_of,
+    topics_text,
+)
 from uuvsim_cosim.errors import InputInvalid
 
 
@@ -151,6 +158,8 @@ def test_the_text_of_topics_is_the_topics(run: Path, tmp_path: Path) -> None:
         name: Variable(v.dtype.kind, v.shape[1] if v.ndim > 1 else 0) for name, v in signals.items()
     }
     file = tmp_path / "topics.yaml"
+    topics[0] = replace(topics[0], rate=5, qos=QosProfile(best_effort=True, depth=3))
+    topics[1] = replace(topics[1], qos=QosProfile(transient_local=True))
     file.write_text(topics_text(topics))
     assert read_topics(file, variables) == topics
 
@@ -166,6 +175,11 @@ def test_the_text_of_topics_is_the_topics(run: Path, tmp_path: Path) -> None:
          r"type std_msgs/msg/Float64 of imu.gyro; expected std_msgs/msg/Float64MultiArray"),
         ("type: a_msgs/msg/B, signals: {data: imu.gyro}", r"type a_msgs/msg/B; expected nav_msgs"),
         ("type: Imu, signals: {data: imu.gyro}", r"expected a type such as sensor_msgs/msg/Imu"),
+        ("type: std_msgs/msg/Bool, qos: {reliability: best}, signals: {data: imu.valid}",
+         r":2: .*reliability.*; expected reliable or best_effort"),
+        ("type: std_msgs/msg/Bool, signals: {data: imu.valid}}\n"
+         "  - {topic: /x, type: std_msgs/msg/Bool, qos: {depth: 1}, signals: {data: imu.valid}",
+         r":3: /x: another qos; expected that of the topic's first entry"),
         ("type: sensor_msgs/msg/Imu, rate: 0, signals: {gyro: imu.gyro, acc: imu.acc}", "rate"),
     ],
 )  # fmt: skip
@@ -177,6 +191,20 @@ def test_a_mistake_in_topics_is_said_with_its_line(
     with pytest.raises(InputInvalid, match=words):
         write_bag(run, tmp_path / "bag", file)
     assert sorted(p.name for p in tmp_path.iterdir()) == ["topics.yaml"]
+
+
+def test_a_bag_states_the_quality_of_service_of_its_topics(run: Path, tmp_path: Path) -> None:
+    file = tmp_path / "topics.yaml"
+    file.write_text(
+        "topics:\n"
+        "  - {topic: /imu, type: sensor_msgs/msg/Imu, qos: {reliability: best_effort, depth: 5},\n"
+        "     signals: {gyro: imu.gyro, acc: imu.acc}}\n"
+    )
+    write_bag(run, tmp_path / "bag", file)
+    with AnyReader([tmp_path / "bag"]) as reader:
+        [imu] = [c for c in reader.connections if c.topic == "/imu"]
+        [qos] = imu.ext.offered_qos_profiles  # type: ignore[union-attr]
+    assert (qos.reliability.name, qos.durability.name, qos.depth) == ("BEST_EFFORT", "VOLATILE", 5)
 
 
 def test_two_vehicles_share_the_topic_of_transforms(tmp_path: Path) -> None:

@@ -115,6 +115,30 @@ def test_a_later_subscriber_gets_the_frames_of_the_sensors(conductor: Conductor)
     assert "imu_link" in {tf.child_frame_id for tf in message.transforms}
 
 
+def test_a_topic_has_the_quality_of_service_of_the_file(
+    conductor: Conductor, tmp_path: Path
+) -> None:
+    (file := tmp_path / "topics.yaml").write_text(
+        "topics:\n"
+        "  - {topic: /imu, type: sensor_msgs/msg/Imu, qos: {reliability: best_effort, depth: 5},\n"
+        "     signals: {gyro: imu.gyro, acc: imu.acc}}\n"
+        "  - {topic: /pose, type: nav_msgs/msg/Odometry, signals: {eta: hull.eta, nu: hull.nu},\n"
+        "     qos: {durability: transient_local, depth: 2}}\n"
+    )
+    with Ros2Node(conductor, topics=file, port=0, domain=0) as node, ros(node.port) as peer:
+        found = {t.split("/")[9]: t.split("/")[12] for t in tokens(peer) if "/MP/" in t}
+        assert (found["%imu"], found["%pose"]) == ("2::,5:,:,:,,", ":1:,2:,:,:,,")
+        imu, kept = Heard(), Heard()
+        live = peer.declare_subscriber("0/imu/**", imu)
+        until(lambda: len(imu.samples) > 3, lambda: conductor.step(ME, 10, {}, ()))
+        later = ext.declare_advanced_subscriber(
+            peer, "0/pose/**", kept, history=ext.HistoryConfig(detect_late_publishers=True)
+        )
+        until(lambda: len(kept.samples) == 2)
+        for one in (live, later):
+            one.undeclare()
+
+
 def test_a_client_of_the_router_describes_its_vehicle_to_a_later_subscriber(
     conductor: Conductor,
 ) -> None:

@@ -14,6 +14,8 @@ from uuvsim_cosim.bridge.ros2.frames import Array
 from uuvsim_cosim.bridge.ros2.robot import STRING, Robot, mounted, robots_of, text_message
 from uuvsim_cosim.bridge.ros2.topic_writer import TRANSFORMS, TopicWriter, typestore
 from uuvsim_cosim.bridge.ros2.topics import (
+    LATCHED,
+    QosProfile,
     Topic,
     Variable,
     omitted_topics,
@@ -101,12 +103,14 @@ def _write(
     out.set_compression(CompressionMode.STORAGE, CompressionFormat.ZSTD)
     with out:
         connections = {  # vehicles share /tf
-            (name, type_): out.add_connection(name, type_, typestore=store)
-            for name, type_ in dict.fromkeys((w.topic.name, w.topic.type) for w in writers)
-        }
+            (name, type_): out.add_connection(name, type_, typestore=store,
+                                              offered_qos_profiles=_offered(qos))
+            for name, type_, qos in dict.fromkeys((w.topic.name, w.topic.type, w.topic.qos)
+                                                  for w in writers)
+        }  # fmt: skip
         for name, type_, message in latched:
             connection = out.add_connection(name, type_, typestore=store,
-                                            offered_qos_profiles=[_latched()])  # fmt: skip
+                                            offered_qos_profiles=_offered(LATCHED))  # fmt: skip
             out.write(connection, 0, message.tobytes())  # time 0: before all others
         for block in signals.blocks(progress):
             times, owners, messages = [], [], []
@@ -120,8 +124,10 @@ def _write(
                 out.write(connections[owners[i]], int(at[i]), messages[i].tobytes())
 
 
-def _latched() -> Qos:
-    """Return the QoS of topics whose last message later readers get."""
+def _offered(qos: QosProfile) -> list[Qos]:
+    """Return the QoS of a topic as a recording states it; nothing of the default."""
+    if qos == QosProfile():
+        return []
     from rosbags.interfaces import (
         Qos,
         QosDurability,
@@ -132,9 +138,11 @@ def _latched() -> Qos:
     )
 
     forever = QosTime(2147483647, 4294967295)
-    return Qos(QosHistory.KEEP_LAST, 1, QosReliability.RELIABLE, QosDurability.TRANSIENT_LOCAL,
-               forever, forever, QosLiveliness.AUTOMATIC, forever,
-               avoid_ros_namespace_conventions=False)  # fmt: skip
+    reliability = QosReliability.BEST_EFFORT if qos.best_effort else QosReliability.RELIABLE
+    durability = QosDurability.TRANSIENT_LOCAL if qos.transient_local else QosDurability.VOLATILE
+    return [Qos(QosHistory.KEEP_LAST, qos.depth or 42, reliability, durability, forever, forever,
+                QosLiveliness.AUTOMATIC, forever, avoid_ros_namespace_conventions=False)
+    ]  # fmt: skip
 
 
 def _variables(signals: Signals) -> tuple[dict[str, Variable], list[str]]:

@@ -23,19 +23,25 @@ from uuvsim_cosim.bridge.ros2.interfaces import with_services
 from uuvsim_cosim.bridge.ros2.permissions import guarded_node
 from uuvsim_cosim.bridge.ros2.receiver import Receiver
 from uuvsim_cosim.bridge.ros2.rmw_zenoh import (
-    DEFAULT,
-    LATCHED,
     Entity,
     attachment,
     gid,
     namesakes,
     node_token,
+    qos_text,
 )
 from uuvsim_cosim.bridge.ros2.robot import STRING, mounted, robots_of, text_message
 from uuvsim_cosim.bridge.ros2.rows import Layout
 from uuvsim_cosim.bridge.ros2.services import Services
 from uuvsim_cosim.bridge.ros2.topic_writer import TRANSFORMS, TopicWriter, typestore
-from uuvsim_cosim.bridge.ros2.topics import Topic, omitted_topics, read_topics, topics_of
+from uuvsim_cosim.bridge.ros2.topics import (
+    LATCHED,
+    QosProfile,
+    Topic,
+    omitted_topics,
+    read_topics,
+    topics_of,
+)
 from uuvsim_cosim.bridge.ros2.waiting_rows import Part, WaitingRows
 from uuvsim_cosim.bridge.server.conductor import Conductor
 from uuvsim_cosim.bridge.zenoh.session import (
@@ -248,13 +254,14 @@ class _Publishing:
         self._clock = MessageLayout(ends.store, CLOCK, {}, {})
         robots = robots_of(plan, facts)
         static = mounted(ends.store, topics, robots)
+        qos = {topic.name: topic.qos for topic in topics}
         for name, type_ in [("/clock", CLOCK), *((t.name, t.type) for t in topics)]:
-            self._publisher(name, type_)
+            self._publisher(name, type_, qos.get(name, QosProfile()))
         if len(static):
-            self._publisher("/tf_static", TRANSFORMS, latched=True).put(static.tobytes())
+            self._publisher("/tf_static", TRANSFORMS, LATCHED, once=True).put(static.tobytes())
         for robot in robots:
             text = text_message(ends.store, robot.urdf)
-            self._publisher(robot.topic, STRING, latched=True).put(text.tobytes())
+            self._publisher(robot.topic, STRING, LATCHED, once=True).put(text.tobytes())
         self._wanted: frozenset[str] = frozenset()
 
     def look(self) -> None:
@@ -288,27 +295,32 @@ class _Publishing:
         for message in messages:
             publisher.put(message.tobytes())
 
-    def _publisher(self, name: str, type_: str, *, latched: bool = False) -> _Publisher:
+    def _publisher(
+        self, name: str, type_: str, qos: QosProfile, *, once: bool = False
+    ) -> _Publisher:
         if name not in self.made:
-            self.made[name] = _Publisher(self._ends, name, type_, latched=latched)
+            self.made[name] = _Publisher(self._ends, name, type_, qos, once=once)
         return self.made[name]
 
 
 class _Publisher:
-    """A publisher of one topic, with its token, which must be kept."""
+    """A publisher of one topic, with its token, which must be kept.
 
-    def __init__(self, ends: Ends, name: str, type_: str, *, latched: bool) -> None:
-        session, key = ends.session, ends.key(name, type_)
-        self._raw: Any = _latched(session, key) if latched else session.publisher(key)
-        self._is_latched = latched
-        token = ends.token("MP", name, type_, LATCHED if latched else DEFAULT)
-        self._gid, self._token = gid(token), session.token(token)
+    One that publishes `once` does not look for subscribers. A publisher that keeps messages for
+    later subscribers has to publish without one.
+    """
+
+    def __init__(self, ends: Ends, name: str, type_: str, qos: QosProfile, *, once: bool) -> None:
+        self._raw: Any = _publisher(ends.session, ends.key(name, type_), qos)
+        self._once, self._keeps = once, qos.transient_local
+        token = ends.token("MP", name, type_, qos_text(**qos._asdict()))
+        self._gid, self._token = gid(token), ends.session.token(token)
         self._number = 0
 
     @property
     def is_wanted(self) -> bool:
-        """Whether there is a subscriber."""
-        return not self._is_latched and bool(self._raw.matching_status.matching)
+        """Whether there is a subscriber, or there may be one later."""
+        return not self._once and (self._keeps or bool(self._raw.matching_status.matching))
 
     def put(self, message: bytes) -> None:
         """Publish a message now."""
@@ -331,12 +343,18 @@ def _session(port: int) -> tuple[WrappedSession, bool]:
     return listening(port, settings=_SETTINGS), True
 
 
-def _latched(session: WrappedSession, key: str) -> Any:
-    """Return a publisher whose last message reaches later subscribers (transient local)."""
-    from zenoh import ext
+def _publisher(session: WrappedSession, key: str, qos: QosProfile) -> Any:
+    """Return a publisher; the last messages of one that keeps them reach later subscribers."""
+    if not qos.transient_local:
+        return session.publisher(key, best_effort=qos.best_effort)
+    from zenoh import CongestionControl, Priority, Reliability, ext
 
-    cache = ext.CacheConfig(max_samples=1)
-    return ext.declare_advanced_publisher(session.raw, key, cache=cache, publisher_detection=True)
+    return ext.declare_advanced_publisher(
+        session.raw, key, cache=ext.CacheConfig(max_samples=qos.depth or 42),
+        publisher_detection=True, congestion_control=CongestionControl.DROP,
+        priority=Priority.DATA_LOW,
+        reliability=Reliability.BEST_EFFORT if qos.best_effort else Reliability.RELIABLE,
+    )  # fmt: skip
 
 
 def _domain() -> int:

@@ -20,13 +20,13 @@ import struct
 from dataclasses import dataclass
 
 __all__ = [
-    "DEFAULT", "KEEP_10", "LATCHED", "Entity", "attachment", "gid", "namesakes",
-    "node_token", "read_attachment", "topic_key", "topic_token",
+    "DEFAULT", "KEEP_10", "Entity", "attachment", "gid", "namesakes",
+    "node_token", "qos_text", "read_attachment", "topic_key", "topic_token",
 ]  # fmt: skip
 
 DEFAULT = "::,:,:,:,,"  # QoS of a publisher
-LATCHED = ":1:,1:,:,:,,"  # a later subscriber gets the last message
 KEEP_10 = "::,10:,:,:,,"  # of subscriptions and services
+_DEPTH = 42  # the default
 _ATTACHMENT = struct.Struct("<qqB16s")
 
 
@@ -38,6 +38,12 @@ class Entity:
     session: str
     namespace: str = ""
     domain: int = 0
+
+
+def qos_text(*, best_effort: bool, transient_local: bool, depth: int) -> str:
+    """Return a quality of service as it stands in tokens; depth 0 is the default."""
+    kept = depth if depth != _DEPTH else 0
+    return f"{'2' if best_effort else ''}:{'1' if transient_local else ''}:,{kept or ''}:,:,:,,"
 
 
 def node_token(node: Entity) -> str:

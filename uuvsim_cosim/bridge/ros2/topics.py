@@ -25,6 +25,8 @@ from uuvsim_cosim.models.declaration.parameter_files import line_of, read_yaml
 from uuvsim_cosim.orchestrator.plan.plan import Plan
 
 __all__ = [
+    "LATCHED",
+    "QosProfile",
     "Topic",
     "Variable",
     "omitted_topics",
@@ -33,6 +35,21 @@ __all__ = [
     "topics_text",
     "variables_of",
 ]
+
+
+class QosProfile(NamedTuple):
+    """Quality of service of a publisher, of which the last `depth` messages are kept.
+
+    With `transient_local`, a later subscriber gets them; 0 is the default of rmw_zenoh, 42.
+    """
+
+    best_effort: bool = False
+    transient_local: bool = False
+    depth: int = 0
+
+
+_DEFAULT = QosProfile()
+LATCHED = QosProfile(transient_local=True, depth=1)
 
 
 @dataclass(frozen=True)
@@ -49,6 +66,7 @@ class Topic:
     frame: str = ""
     child: str = ""
     rate: float | None = None
+    qos: QosProfile = _DEFAULT
 
     @property
     def component(self) -> str:
@@ -220,8 +238,18 @@ def read_topics(
     wrong: list[str] = []
     for i, item in enumerate(data["topics"]):
         signals = {str(role): str(name) for role, name in item["signals"].items()}
-        topic = Topic(str(item["topic"]), str(item["type"]), signals, str(item.get("frame", "")),
-                      str(item.get("child", "")), item.get("rate"))  # fmt: skip
+        qos = item.get("qos", {})
+        topic = Topic(
+            str(item["topic"]), str(item["type"]), signals, str(item.get("frame", "")),
+            str(item.get("child", "")), item.get("rate"),
+            QosProfile(qos.get("reliability") == "best_effort",
+                       qos.get("durability") == "transient_local", int(qos.get("depth", 0))),
+        )  # fmt: skip
+        if any(t.name == topic.name and t.qos != topic.qos for t in topics):
+            wrong.append(
+                f"{file}:{line_of(data, ['topics', i])}: {topic.name}: another qos; expected that "
+                "of the topic's first entry"
+            )
         types = {t.type for t in topics if t.name == topic.name}
         if types - {topic.type}:
             wrong.append(
@@ -287,6 +315,11 @@ def topics_text(topics: Iterable[Topic]) -> str:
         lines += [f"  - topic: {topic.name}", f"    type: {topic.type}"]
         lines += [f"    {k}: {v}" for k in ("frame", "child") if (v := getattr(topic, k))]
         lines += [] if topic.rate is None else [f"    rate: {topic.rate:g}"]
+        qos = {"reliability: best_effort": topic.qos.best_effort,
+               "durability: transient_local": topic.qos.transient_local,
+               f"depth: {topic.qos.depth}": topic.qos.depth}  # fmt: skip
+        if any(qos.values()):
+            lines.append(f"    qos: {{{', '.join(word for word, holds in qos.items() if holds)}}}")
         pairs = ", ".join(f"{role}: {name}" for role, name in topic.signals.items())
         lines.append(f"    signals: {{{pairs}}}")
     return headed("topics", "\n".join(lines) + "\n")

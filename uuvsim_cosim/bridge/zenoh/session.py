@@ -112,8 +112,13 @@ class WrappedSession(Closing):
             key, timeout=timeout, consolidation=zenoh.ConsolidationMode.NONE, express=True
         )
 
-    def publisher(self, key: str, encoding: str = "zenoh/bytes") -> zenoh.Publisher:
-        """Return a publisher of states: messages that cannot be sent immediately are dropped."""
+    def publisher(
+        self, key: str, encoding: str = "zenoh/bytes", *, best_effort: bool = False
+    ) -> zenoh.Publisher:
+        """Return a publisher of states: messages that cannot be sent immediately are dropped.
+
+        With `best_effort`, a link may lose further messages; a link by TCP loses none.
+        """
         import zenoh
 
         return self.raw.declare_publisher(
@@ -121,6 +126,7 @@ class WrappedSession(Closing):
             encoding=encoding,
             congestion_control=zenoh.CongestionControl.DROP,
             priority=zenoh.Priority.DATA_LOW,
+            reliability=zenoh.Reliability.BEST_EFFORT if best_effort else None,
         )
 
     def subscribe(

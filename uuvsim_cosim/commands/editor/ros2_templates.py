@@ -33,6 +33,10 @@ Then build the two packages on a machine with ROS 2, and start one of the nodes 
     ros2 launch $python view.launch.py
 
 Both nodes read `$odometry` and print depth and heading once per second of simulated time.
+
+`topics.yaml` maps signals to topics, with types, frames, rates and QoS. Edit it, and serve the
+system with `--topics topics.yaml`.
+
 `foxglove.json` is a layout: import it in Foxglove, and open `foxglove_bridge` or a recording.
 
 These files were checked without a ROS installation: the names and types of the topics against

@@ -14,7 +14,7 @@ from typing import Any
 
 from uuvsim_cosim.bridge.ros2.facts import facts_of
 from uuvsim_cosim.bridge.ros2.robot import Robot, robots_of
-from uuvsim_cosim.bridge.ros2.topics import Topic, topics_of, variables_of
+from uuvsim_cosim.bridge.ros2.topics import Topic, topics_of, topics_text, variables_of
 from uuvsim_cosim.commands.editor.ros2_templates import (
     CMAKE,
     CPP_NODE,
@@ -95,6 +95,7 @@ def ros2_workspace_files(system: str, plan: Plan) -> dict[str, str]:
         f"{own}/resource/{PYTHON}": "",
         f"{own}/rviz/view.rviz": _rviz(topics, robots, odometry),
         f"{own}/urdf/fins.urdf": robots[0].urdf if has_fins else "",
+        "topics.yaml": topics_text(topics),
         "foxglove.json": json.dumps(_foxglove(topics, robots, odometry), indent=2) + "\n",
     }
 
