@@ -1,25 +1,46 @@
-"""A system on a page: size, time of compilation, and steps per CPU second in node and natively.
+"""A system on a page: size, compile time, and steps per CPU second in Chromium, node and natively.
 
 The native figure is that of the same system as a kernel of one lane for every processor, which is
-the same C. Node and native steps are measured in turn; the medians are printed, and the hash of
-node, which shows that the steps were made. `--uncached` compiles the module again.
+the same C. All three are measured in turn, by the CPU time of their processes; the medians are
+printed. The figure of Chromium is the difference of two runs of the whole browser, of which one
+makes fewer steps, so that its start is not counted. Its hash must be that of node. `--uncached`
+compiles the module again.
 """
 
 from __future__ import annotations
 
 import argparse
 import os
+import re
+import resource
+import shutil
 import statistics
+import subprocess
 import tempfile
 import time
+from pathlib import Path
 
 import uuvsim_cosim as uuv
 from uuvsim_cosim.cache import cache_dir
-from uuvsim_cosim.kernels.web_assembly.module import web_assembly
+from uuvsim_cosim.kernels.web_assembly.module import WebAssembly, web_assembly
 from uuvsim_cosim.kernels.web_assembly.node import run_in_node
 from uuvsim_cosim.view.live_page.live_page import live_page_html
 
-SYSTEMS = ("bluerov2_hold", "bluerov2_survey")
+SYSTEMS = (
+    "bluerov2_hold", "bluerov2_survey", "bluerov2_task", "pool_tracking", "seabed_mapping",
+    "target_tracking",
+)  # fmt: skip
+FEW, MOST = 1000, 9_999_999  # steps: of a run that is mostly the browser's start; of a link
+FLAGS = (
+    "--headless=new", "--no-sandbox", "--no-zygote", "--disable-gpu", "--use-angle=swiftshader",
+    "--enable-unsafe-swiftshader", "--virtual-time-budget=3000", "--dump-dom",
+)  # fmt: skip
+
+
+def of_children() -> float:
+    """Return the CPU time of all processes that have ended [s]."""
+    used = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return used.ru_utime + used.ru_stime
 
 
 def native_seconds(kernel: uuv.Kernel, steps: int) -> float:
@@ -29,36 +50,63 @@ def native_seconds(kernel: uuv.Kernel, steps: int) -> float:
         return time.process_time() - begun
 
 
+def chromium_seconds(browser: str, page: Path, steps: int) -> tuple[float, str]:
+    """Return the CPU time of a browser that opens the page and makes steps, and its hash."""
+    before = of_children()
+    with tempfile.TemporaryDirectory() as profile:
+        address = f"{page.as_uri()}#steps={steps}"
+        command = [browser, *FLAGS, f"--user-data-dir={profile}", address]
+        done = subprocess.run(command, check=True, capture_output=True, text=True)
+    found = re.search(r'id="hash">(\w+)<', done.stdout)
+    assert found is not None, "the page shows no hash"
+    return of_children() - before, found[1]
+
+
+def chromium_rate(browser: str, page: Path, compiled: WebAssembly, steps: int) -> float:
+    """Return the steps per CPU second in Chromium."""
+    few, _ = chromium_seconds(browser, page, FEW)
+    many, found = chromium_seconds(browser, page, FEW + steps)
+    expected = run_in_node(compiled, FEW + steps, record=False).hash
+    assert found == expected, f"hash {found} in Chromium; expected {expected}, as in node"
+    return steps / (many - few)
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("systems", nargs="*", default=SYSTEMS)
-    parser.add_argument("--steps", type=int, default=100_000)
-    parser.add_argument("--repeats", type=int, default=5)
+    parser.add_argument("--seconds", type=float, default=2.0, help="CPU time of a measurement")
+    parser.add_argument("--repeats", type=int, default=3)
     parser.add_argument("--uncached", action="store_true")
     asked = parser.parse_args()
-    print("| system | page [kB] | module [kB] | compile [s] | node [steps/s] | native [steps/s] |")
-    print("|---|---|---|---|---|---|")
+    browser = next(filter(None, map(shutil.which, ("chromium", "google-chrome"))), None)
+    print(f"load {os.getloadavg()[0]:.1f} on {os.cpu_count()} processors")
+    print(
+        "| system | page [kB] | module [kB] | compile [CPU s] | Chromium [steps/s] "
+        "| node [steps/s] | native [steps/s] |\n|---|---|---|---|---|---|---|"
+    )
     for name in asked.systems:
         system = uuv.load(name)
         with tempfile.TemporaryDirectory() as folder:
             if asked.uncached:  # what zig has compiled of its C library stays
                 os.environ.setdefault("ZIG_GLOBAL_CACHE_DIR", f"{cache_dir('zig')}")
                 os.environ["UUVSIM_CACHE"] = folder
-            begun = time.perf_counter()
+            begun = of_children()
             compiled = web_assembly(system)
-            seconds = time.perf_counter() - begun
-            page = len(live_page_html(system).encode())
+            seconds = of_children() - begun
+            page = Path(folder, "page.html")
+            page.write_text(live_page_html(system), encoding="utf-8")
             kernel = uuv.fuse(system, lanes=1, baseline=True)
-            node, native = [], []
+            trial = run_in_node(compiled, FEW, record=False)
+            steps = max(FEW, min(MOST - FEW, int(asked.seconds * FEW / trial.seconds)))
+            node, native, chromium = [], [], []
             for _ in range(asked.repeats):
-                run = run_in_node(compiled, asked.steps, record=False)
-                node.append(asked.steps / run.seconds)
-                native.append(asked.steps / native_seconds(kernel, asked.steps))
-            size = compiled.module.stat().st_size
-        print(
-            f"| {name} | {page / 1000:.0f} | {size / 1000:.0f} | {seconds:.1f} "
-            f"| {statistics.median(node):,.0f} | {statistics.median(native):,.0f} |"
-        )
+                node.append(steps / run_in_node(compiled, steps, record=False).seconds)
+                native.append(steps / native_seconds(kernel, steps))
+                if browser is not None:
+                    chromium.append(chromium_rate(browser, page, compiled, steps))
+            sizes = [f"{f.stat().st_size / 1000:.0f}" for f in (page, compiled.module)]
+            rates = [f"{statistics.median(r):,.0f}" if r else "–" for r in (chromium, node, native)]
+        print(f"| {name} | {' | '.join([*sizes, f'{seconds:.1f}', *rates])} |", flush=True)
 
 
 if __name__ == "__main__":

@@ -128,7 +128,11 @@ EXAMPLES: dict[str, tuple[str, ...]] = {
         "verify bluerov2_hold",
         "verify bluerov2_survey --steps 6000 --set controller.Kp=60,60,80,14,14,6",
     ),
-    "report": ("report runs/bluerov2_survey-0", "report runs/bluerov2_survey-0 -o run.svg"),
+    "report": (
+        "report runs/bluerov2_survey-0",
+        "report runs/bluerov2_survey-0 -o run.svg",
+        "report runs/bluerov2_hold-0 --page",
+    ),
     "map": ("map runs/seabed_mapping-0 -o map.tif", "map runs/seabed_mapping-0 -o points.laz"),
     "terrain": (
         "terrain chart.000 --resolution 10 -o seabed.tif",
