@@ -22,6 +22,8 @@ from uuvsim_cosim.orchestrator.recording.signals import Signals
 from uuvsim_cosim.orchestrator.running.run import run
 from uuvsim_cosim.orchestrator.system.system import System
 from uuvsim_cosim.studies.identification.ambiguity import ambiguities
+from uuvsim_cosim.studies.identification.exclusions import Excluded
+from uuvsim_cosim.studies.identification.fit import fit
 from uuvsim_cosim.studies.identification.fitted_model import GreyBox
 from uuvsim_cosim.studies.identification.identify import Identified, Number, identify, unanswered
 from uuvsim_cosim.studies.identification.parameters import wanted_parameters
@@ -83,6 +85,84 @@ def test_intervals_hold_the_truth_as_often_as_they_say() -> None:
         z += [1.96 * (got[n].value - v) / got[n].half_width for n, v in TRUE.items()]
     assert np.sum(np.abs(z) < 1.96) >= 17
     assert 0.7 < np.sqrt(np.mean(np.square(z))) < 1.35  # nor are they wider than need be
+
+
+def test_the_fit_is_a_minimum_of_the_simulated_trajectory(found: Identified) -> None:
+    """A simulation of all 16 s from one state, by CasADi, has its least residuals there."""
+    data = recorded()
+    plan = flatten(System("s").add("hull", "model:bluerov2"))
+    box = GreyBox(plan, 0, wanted_parameters(plan, 0, [*TRUE, "D_q_66"]), exact=False)
+    grid = grid_of(box, Lookup(data, {}), h=None, first=0.0, last=None)
+    best = fit(box, grid)
+    flown = box.step(grid.h, sloped=True).mapaccum("flown", grid.w.shape[1])
+
+    def cost(theta: Array) -> float:
+        columns = np.repeat(theta[:, None], grid.w.shape[1], 1)
+        x = np.hstack([best.x_0[:, None], np.array(flown(best.x_0, grid.w, columns))])
+        n_w = len(grid.w) // 2
+        w = np.hstack([grid.w[:n_w], grid.w[:n_w, -1:]])
+        y = np.array(box.h.map(x.shape[1])(x, w, np.repeat(theta[:, None], x.shape[1], 1)))
+        return 0.5 * float(np.nansum(((y - grid.y) / best.sigma[:, None]) ** 2))
+
+    error = np.sqrt(np.diag(best.covariance))
+    least = cost(best.theta)
+    for j in range(3):  # three are determined; D_q_66 is not
+        for sign in (-1.0, 1.0):
+            step = sign * 0.3 * error[j] * np.eye(4)[j]
+            assert cost(best.theta + step) > least
+
+
+def test_ctrl_c_keeps_the_best_values_so_far() -> None:
+    def stop(iteration: int, residual: float) -> None:
+        if iteration == 3:
+            raise KeyboardInterrupt
+
+    got = identify(
+        recorded(until=8.0), "model:bluerov2", list(TRUE), proposals=False, progress=stop
+    )
+    assert (got.converged, got.status, got.iterations) == (False, "interrupted", 3)
+    for name, value in TRUE.items():  # three steps lead near the values
+        assert got[name].value == pytest.approx(value, rel=0.1)
+
+
+def test_what_the_recording_determines_is_reported_before_the_fit() -> None:
+    texts: list[str] = []
+
+    def stop(iteration: int, residual: float) -> None:
+        assert texts
+        raise KeyboardInterrupt
+
+    identify(
+        recorded(), "model:bluerov2", [*TRUE, "D_q_66"], proposals=False, report=texts.append,
+        progress=stop,
+    )  # fmt: skip
+    assert len(texts) == 2
+    for name in TRUE:
+        assert f"hull.{name} (±" in texts[0]
+    assert texts[1].startswith("before the fit: the recording does not determine hull.D_q_66")
+
+
+def test_parts_that_are_left_out_do_not_count() -> None:
+    """Damage from 6 to 9 s: without the part it has no effect, and with it the fit is wrong."""
+    data = recorded()
+    damaged = {name: np.array(data[name]) for name in data}
+    inside = (data.time >= 6.0) & (data.time <= 9.0)
+    damaged["nu"][inside] += 1.0
+    damaged["eta"][inside] = 0.0
+
+    def fitted(metadata: dict[str, object]) -> Identified:
+        signals = Signals(data.time, data.ticks, damaged, {}, metadata=metadata)
+        return identify(signals, "model:bluerov2", list(TRUE), proposals=False)
+
+    got = fitted({"excluded": (Excluded(5.9, 9.1, "a test"),)})
+    assert "left out: 5.9 to 9.1 s: a test" in got.notes
+    for name, value in TRUE.items():
+        assert abs(got[name].value - value) < 1.6 * got[name].half_width, name
+    wrong = fitted({})
+    assert any(abs(wrong[n].value - v) > 0.2 * v or wrong[n].half_width > 0.2 * v
+               for n, v in TRUE.items())  # fmt: skip
+    with pytest.raises(InputInvalid, match=r"no part from 0 to 15.9 s is fitted: 0.0 to 20.0 s: a"):
+        fitted({"excluded": (Excluded(0.0, 20.0, "a test"),)})
 
 
 def test_residuals_are_as_large_as_the_noise(found: Identified) -> None:

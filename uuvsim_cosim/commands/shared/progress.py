@@ -11,7 +11,7 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 from uuvsim_cosim.closing import Closing
 from uuvsim_cosim.commands.shared.terminal import console
 
-__all__ = ["PhaseProgress", "RunProgress", "StudyProgress"]
+__all__ = ["FitProgress", "PhaseProgress", "RunProgress", "StudyProgress"]
 
 
 class PhaseProgress(Closing):
@@ -89,3 +89,12 @@ class StudyProgress(PhaseProgress):
         if phase == "building":
             return "building (once)", ""
         return phase, f"{done:.0f} of {total:.0f} {self._counted}"
+
+
+@final
+class FitProgress(PhaseProgress):
+    """Iterations of a fit, whose end is not known."""
+
+    def words(self, phase: str, done: float, total: float, elapsed: float) -> tuple[str, str]:
+        """Return the phase alone."""
+        return phase, ""

@@ -12,6 +12,7 @@ from uuvsim_cosim.cache import written
 from uuvsim_cosim.commands.shared.answer import answer
 from uuvsim_cosim.commands.shared.completion import replacements, systems_and_models
 from uuvsim_cosim.commands.shared.options import assignments, seconds, value_of
+from uuvsim_cosim.commands.shared.progress import FitProgress
 from uuvsim_cosim.commands.shared.terminal import (
     file_line,
     for_shell,
@@ -133,17 +134,22 @@ def identify_command(
     values = assignments("--set", set_ or [], "component.parameter=value", dotted=True)
     for path, value in values.items():
         edited = edited.set(path, value_of(value))
-    found = identify(
-        signals,
-        edited,
-        parameters.split(","),
-        mapped=assignments("--map", map_ or [], "component.variable=signal", dotted=True),
-        hull=hull,
-        step=step,
-        first=first,
-        last=last,
-        proposals=not no_proposals,
-    )
+    with FitProgress() as shown:
+        found = identify(
+            signals,
+            edited,
+            parameters.split(","),
+            mapped=assignments("--map", map_ or [], "component.variable=signal", dotted=True),
+            hull=hull,
+            step=step,
+            first=first,
+            last=last,
+            proposals=not no_proposals,
+            report=lambda text: remark("note", text),
+            progress=lambda iteration, residual: shown.say(
+                f"iteration {iteration}: weighted residual {residual:.5g}; Ctrl-C keeps the best"
+            ),
+        )
     _show(found)
     if manoeuvre is not None:
         if not found.proposals:
@@ -166,7 +172,7 @@ def identify_command(
                 vehicle = saved.source.removeprefix("model:")
                 line(f"fly it with  uuvsim run hold --vehicle {for_shell(vehicle)}")
     if not found.converged:
-        remark("note", f"ipopt ended with {found.status} after {found.iterations} iterations")
+        remark("note", f"the fit ended after {found.iterations} iterations: {found.status}")
 
 
 def _show(found: Identified) -> None:

@@ -191,14 +191,18 @@ class GreyBox:
 
     # ---- numbers ------------------------------------------------------------------------------
 
+    def pieces(self, h: float) -> int:
+        """Return into how many steps of Runge-Kutta a step of h seconds is divided."""
+        longest = (5.0 if len(self.x_places) == len(HULL_STATES) else 2.5) * self.h_max
+        return max(1, ceil(h / longest - 1e-9))
+
     def step(self, h: float, sloped: bool = False) -> Any:
         """Return x after h seconds by RK4 in pieces that the parts can bear, inputs held.
 
         `sloped` inputs are (2 n_w,): each one's mean over the step, then its change along it, so
         that neither impulse nor first moment of what changes within the step is lost.
         """
-        longest = (5.0 if len(self.x_places) == len(HULL_STATES) else 2.5) * self.h_max
-        pieces = max(1, ceil(h / longest - 1e-9))
+        pieces = self.pieces(h)
         n_w = self.w.numel()
         x = x_0 = ca.SX.sym("x", self.x.numel())
         w, theta = ca.SX.sym("w", (1 + sloped) * n_w), ca.SX.sym("theta", len(self.fitted))

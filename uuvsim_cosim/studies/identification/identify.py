@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -19,9 +19,11 @@ from uuvsim_cosim.studies.identification.ambiguity import WEAK, ambiguities, sca
 
 if TYPE_CHECKING:
     from uuvsim_cosim.studies.identification.experiment import Proposal
+    from uuvsim_cosim.studies.identification.parameters import Fitted
 
 __all__ = [
-    "Actuator", "Identified", "Number", "identify", "recorded_system", "system_of", "unanswered",
+    "Actuator", "Identified", "Number", "expectation", "identify", "recorded_system", "system_of",
+    "unanswered",
 ]  # fmt: skip
 
 Array = NDArray[np.float64]
@@ -121,6 +123,8 @@ def identify(
     first: float = 0.0,
     last: float | None = None,
     proposals: bool = True,
+    report: Callable[[str], None] = lambda text: None,
+    progress: Callable[[int, float], None] = lambda iteration, residual: None,
 ) -> Identified:
     """Fit parameters of a system to a recording, by multiple shooting on its own equations.
 
@@ -132,6 +136,10 @@ def identify(
     a signal of the system to that of the recording that stands for it. `hull` is the path of the
     hull, if the system has several. `step` [s] is that of the grid, and only the time from `first`
     to `last` [s] is used. With `proposals`, manoeuvres that would tell more are computed as well.
+    Before the fit, `report` is called with each text on which parameters the recording determines,
+    by Fisher information at their start values. `progress` is called with the number of each
+    iteration and the root mean square of the weighted residuals. Ctrl-C ends the fit, and the best
+    values so far are the result.
 
     Raises InputInvalid that names the missing signals, or the parameters that do not exist.
 
@@ -147,10 +155,11 @@ def identify(
     (141.0, 200)
     """
     from uuvsim_cosim.studies.identification.experiment import propose
-    from uuvsim_cosim.studies.identification.fit import fit
+    from uuvsim_cosim.studies.identification.fit import expected_information, fit
     from uuvsim_cosim.studies.identification.fitted_model import GreyBox
     from uuvsim_cosim.studies.identification.logs import read_log
     from uuvsim_cosim.studies.identification.parameters import wanted_parameters
+    from uuvsim_cosim.studies.identification.shooting import Shooting
     from uuvsim_cosim.studies.identification.signals import MEASURED, Lookup, grid_of
 
     signals = recording if isinstance(recording, Signals) else read_log(recording)
@@ -161,7 +170,10 @@ def identify(
     fitted = wanted_parameters(plan, at, parameters)
     box = GreyBox(plan, at, fitted, exact="tick" in signals.metadata)
     grid = grid_of(box, Lookup(signals, mapped or {}), h=step, first=first, last=last)
-    found = fit(box, grid)
+    problem = Shooting(box, grid)
+    for text in expectation(fitted, expected_information(problem)):
+        report(text)
+    found = fit(box, grid, problem=problem, progress=progress)
     start = np.array([f.start for f in fitted])
     error = np.sqrt(np.maximum(np.diag(found.covariance), 0.0))
     numbers = tuple(
@@ -180,6 +192,11 @@ def identify(
     if grid.computed:
         notes.append(f"computed from recorded signals: {', '.join(grid.computed)}")
     measured = {n: bool(np.isfinite(y).any()) for n, y in zip(MEASURED, grid.y, strict=True)}
+    if problem.cuts:
+        notes.append(
+            f"the model is unstable: the recording was cut at {problem.cuts} points, where a new "
+            "initial state begins"
+        )
     if not all(measured.values()):
         notes.append(f"not measured: {', '.join(n for n, seen in measured.items() if not seen)}")
     flown = tuple(propose(box, found)) if proposals else ()
@@ -220,6 +237,24 @@ def identify(
         found.status,
         tuple(notes),
     )
+
+
+def expectation(fitted: Sequence[Fitted], information: Array) -> list[str]:
+    """Return messages on which parameters a recording determines, by its Fisher information."""
+    start = np.array([f.start for f in fitted])
+    scaled = scaled_information(information, start, start)
+    covariance = np.linalg.inv(scaled + 1e-6 * np.eye(len(fitted)))
+    shares = 1.96 * np.sqrt(np.maximum(np.diag(covariance), 0.0))
+    known, others = [], []
+    for f, share in zip(fitted, shares, strict=True):
+        told = f"{f.name} (± {100 * share:.2g} %)" if share < 10.0 else f.name
+        (known if share < 2.0 * WEAK else others).append(told)
+    texts = []
+    if known:
+        texts.append(f"before the fit: the recording determines {', '.join(known)}")
+    if others:
+        texts.append(f"before the fit: the recording does not determine {', '.join(others)}")
+    return texts
 
 
 def unanswered(numbers: Sequence[Number], flown: Sequence[Proposal]) -> list[str]:
@@ -265,6 +300,9 @@ def recorded_system(signals: Signals, source: str | Path | None) -> System:
         from uuvsim_cosim.orchestrator.shipped.actuators import with_actuators
 
         system, _ = with_actuators(system, str(source).removeprefix("model:").partition("?")[0])
+        for path, component in system.components.items():  # k_T: a factor of the bench's thrust
+            if component.source == "model:thruster_t200":
+                system = system.replace(path, f"{component.source}?scale=true")
     return system
 
 

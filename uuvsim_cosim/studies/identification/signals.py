@@ -7,9 +7,9 @@ grid point, and NaN without a sample. A missing signal is refused by name, with 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import partial
 
 import casadi as ca
 import numpy as np
@@ -17,8 +17,10 @@ from numpy.typing import NDArray
 
 from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.models.declaration.element_names import split_element_name
+from uuvsim_cosim.models.declaration.evaluation import Evaluation
+from uuvsim_cosim.models.declaration.model import Model
 from uuvsim_cosim.models.declaration.near_names import close_names, expected_names
-from uuvsim_cosim.models.guidance.sampled_signal import Signal
+from uuvsim_cosim.models.intrinsics.table import interpolants
 from uuvsim_cosim.orchestrator.plan.plan import Plan
 from uuvsim_cosim.orchestrator.recording.signals import Signals
 from uuvsim_cosim.orchestrator.system.resolve import resolve
@@ -35,7 +37,8 @@ MEASURED = (
 ANGLES = (3, 4, 5)
 _FORCES = {"thrust", "tau", "force"}
 _FINE, _FINEST = 0.05, 0.02  # s: the longest and the shortest step that is chosen
-_ENOUGH_STEPS, _MOST_STEPS = 1500, 8000
+_ENOUGH_STEPS, _MOST_STEPS = 1500, 100_000
+_RUN = 3.0  # s: shorter parts are not fitted
 
 
 @dataclass(frozen=True)
@@ -51,6 +54,7 @@ class Grid:
     y: Array
     computed: tuple[str, ...]  # what was computed from recorded signals beforehand
     measured: tuple[str, ...]  # the signals that eta and nu were read from
+    runs: tuple[tuple[int, int], ...]  # first and last point of each part that is fitted
 
 
 class Lookup:
@@ -107,7 +111,6 @@ def grid_of(
     box: GreyBox, lookup: Lookup, *, h: float | None, first: float, last: float | None
 ) -> Grid:
     """Lay the signals that `box` needs on a grid from `first` to `last` [s]."""
-    first, last = _longest_span(lookup.signals, first, last)
     t, place = _times(lookup.signals, first, last)
     # Delayed inputs of the first steps lie before the recording: the grid begins after them.
     begin = float(t[min(np.searchsorted(t, t[0] + max((f.delay for f in box.feeds), default=0.0)
@@ -165,21 +168,27 @@ def grid_of(
     ).reshape(len(box.feeds), 2, K)
     w = np.concatenate([moments[:, 0], moments[:, 1]])
     return Grid(
-        grid - grid[0], step, w, y, tuple(supply.computed), tuple(n for n in (eta, nu) if n)
-    )
+        grid - grid[0], step, w, y, tuple(supply.computed), tuple(n for n in (eta, nu) if n),
+        _runs(lookup.signals, grid, step),
+    )  # fmt: skip
 
 
-def _longest_span(signals: Signals, first: float, last: float | None) -> tuple[float, float | None]:
-    """Return the longest span without an excluded part; all time if nothing is excluded."""
-    excluded = signals.metadata.get("excluded", ())
-    if not excluded:
-        return first, last
-    end = float(signals.time[-1]) if last is None else last
-    spans = kept_spans(list(excluded), first, end)
-    if not spans:
-        raise InputInvalid(f"no part from {first:g} to {end:g} s is fitted: " + "; ".join(
-            str(e) for e in excluded if e.last > first and e.first < end))  # fmt: skip
-    return max(spans, key=lambda s: s[1] - s[0])
+def _runs(signals: Signals, grid: Array, h: float) -> tuple[tuple[int, int], ...]:
+    """Return first and last grid point of each span without an excluded part."""
+    excluded = list(signals.metadata.get("excluded", ()))
+    spans = kept_spans(excluded, float(grid[0]), float(grid[-1]))
+    inner = [
+        (math.ceil((a - grid[0]) / h - 1e-6), math.floor((b - grid[0]) / h + 1e-6))
+        for a, b in spans
+    ]
+    runs = tuple((a, b) for a, b in inner if (b - a) * h >= min(_RUN, h * (len(grid) - 1)) - 1e-6)
+    if not runs:
+        raise InputInvalid(
+            f"no part from {grid[0]:g} to {grid[-1]:g} s is fitted: "
+            + "; ".join(str(e) for e in excluded if e.last > grid[0] and e.first < grid[-1]),
+            "--from and --to with armed time under water",
+        )
+    return runs
 
 
 def _times(signals: Signals, first: float, last: float | None) -> tuple[Array, NDArray[np.intp]]:
@@ -306,13 +315,12 @@ class _Supply:
 
     def _run(self, i: int) -> Mapping[str, Array] | None:
         """Compute a declaration's outputs from recorded signals alone; None if one is missing."""
-        from uuvsim_cosim.models.analysis.simulate import simulate
-
         component = self.plan.components[i]
         source = resolve(component.source)
         if not isinstance(source, ModelSource):
             return None
-        model = source.declaration()
+        with interpolants():
+            model = source.declaration()
         outputs = {v.name for v in model.of_kind("output")}
         # Only what makes a force of a command at once: a thruster, a wrench, a fin.
         if model.clocks or not outputs & _FORCES or "tau_d" in outputs:
@@ -325,24 +333,50 @@ class _Supply:
         for v in model.of_kind("input"):
             if used.isdisjoint(s.element_hash() for s in v.symbol.nonzeros()):
                 continue
-            held = []
-            for e in range(v.size):
-                column = self.of(feed_of(self.plan, i, v.name, e))
-                if column is None:
-                    return None
-                held.append(Signal(self.t, np.nan_to_num(column), True))
-            inputs[v.name] = partial(_values_at, held)
+            columns = [self.of(feed_of(self.plan, i, v.name, e)) for e in range(v.size)]
+            if any(c is None for c in columns):
+                return None
+            inputs[v.name] = np.nan_to_num(np.stack([c for c in columns if c is not None]))
         known = {v.name for v in model.of_kind("parameter")}
-        made = simulate(
-            model,
-            at=[float(s) for s in self.t],
-            h=model.h_max,
-            inputs=inputs,
-            parameters={k: np.asarray(v, float) for k, v in component.start.items() if k in known},
-        )
+        parameters = {k: np.asarray(v, float) for k, v in component.start.items() if k in known}
         self.computed.append(component.path)
-        return {v.name: made[v.name] for v in model.of_kind("output")}
+        return _simulated(model, self.t, inputs, parameters)
 
 
-def _values_at(signals: list[Signal], time: float) -> list[float]:
-    return [signal(time) for signal in signals]
+def _simulated(
+    model: Model, t: Array, inputs: Mapping[str, Array], parameters: Mapping[str, Array]
+) -> dict[str, Array]:
+    """Return the outputs of a declaration without clocks at times t, its inputs (size, n) held."""
+    f = Evaluation(model)
+    p = f.values_of("parameter", parameters)
+    d = f.derived(p)
+    usual = f.values_of("input", {})
+    rows = []
+    for v in model.of_kind("input"):
+        at = sum(len(r) for r in rows)
+        start = np.repeat(usual[at : at + v.size, None], len(t), axis=1)
+        rows.append(inputs.get(v.name, start))
+    u = np.vstack(rows) if rows else np.zeros((0, len(t)))
+    x_0 = np.array(f.initial(p, d))
+    states = np.repeat(x_0, len(t), axis=1)
+    if len(x_0):
+        # Each interval in equal parts that the declaration can bear.
+        parts = np.maximum(1, np.ceil(np.diff(t) / model.h_max - 1e-9)).astype(int)
+        of = np.repeat(np.arange(len(parts)), parts)
+        h, x, w = ca.MX.sym("h"), ca.MX.sym("x", len(x_0)), ca.MX.sym("w", len(u))
+        k_1 = f.rhs(0.0, w, p, d, x, [])
+        k_2 = f.rhs(0.0, w, p, d, x + h / 2 * k_1, [])
+        k_3 = f.rhs(0.0, w, p, d, x + h / 2 * k_2, [])
+        k_4 = f.rhs(0.0, w, p, d, x + h * k_3, [])
+        step = ca.Function("step", [x, w, h], [x + h / 6 * (k_1 + 2 * k_2 + 2 * k_3 + k_4)])
+        h_each = (np.diff(t) / parts)[of]
+        made = np.array(step.mapaccum("made", len(of))(x_0, u[:, of], h_each[None, :]))
+        states[:, 1:] = made[:, np.cumsum(parts) - 1]
+    x, w = ca.MX.sym("x", len(x_0)), ca.MX.sym("w", len(u))
+    output = ca.Function("output", [x, w], [f.outputs(0.0, w, p, d, x, [])])
+    y = np.array(output.map(len(t))(states, u))
+    found, at = {}, 0
+    for v in model.of_kind("output"):
+        found[v.name] = y[at] if v.size == 1 else y[at : at + v.size].T
+        at += v.size
+    return found

@@ -1,0 +1,263 @@
+"""Least-squares problem of a fit: windows of a recording, joined without gaps, and its steps.
+
+    min over theta, s_0 … s_S   sum of (y_k - h(x_k, w_k, theta))² / sigma²
+    such that each window of the recording, started at s_i, ends at s_(i + 1)
+
+(direct multiple shooting; Bock 1983). A step of Gauss and Newton eliminates the windows of a run
+from its end: the rows that hold for s_(i + 1) become rows for s_i and theta, and a QR decomposition
+keeps them few (as in a square-root information filter). Parts of the recording that are left out
+separate its runs, each with an initial state of its own.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uuvsim_cosim.studies.identification.fitted_model import GreyBox
+from uuvsim_cosim.studies.identification.sensitivities import Windows
+from uuvsim_cosim.studies.identification.signals import ANGLES, Grid
+
+__all__ = ["PRIOR", "Point", "Shooting"]
+
+Array = NDArray[np.float64]
+_WINDOW = 3.0  # s
+PRIOR = 3e-2  # of theta, over its scale: too weak to matter unless the data hold no information
+_GROWTH = 1e10  # of the derivatives over the windows of a run, beyond which it is cut
+
+
+@dataclass(frozen=True)
+class Point:
+    """The problem linearised at (theta, s), in scaled variables.
+
+    `rows` (S, (m + 1) signals, n_x + n_p + 1) are derivatives and residuals of the measurements,
+    `A`, `B` and `gap` those of the windows' ends, `objective` is half of the sum of squares.
+    """
+
+    theta: Array
+    starts: Array
+    residual: Array  # (S, m + 1, 12), in SI units, NaN where nothing was measured
+    rows: Array
+    A: Array
+    B: Array
+    gap: Array  # (S, n_x), zero where a run ends
+    objective: float
+
+    @property
+    def is_finite(self) -> bool:
+        """Whether all trajectories are finite."""
+        return bool(np.isfinite(self.objective) and np.isfinite(self.gap).all())
+
+
+@final
+class Shooting:
+    """The windows of a recording, and the steps of the fit."""
+
+    def __init__(self, box: GreyBox, grid: Grid) -> None:
+        self.box = box
+        self.n_x, self.n_p = box.x.numel(), len(box.fitted)
+        self.theta = np.array([f.start for f in box.fitted])
+        self.scale = np.where(np.abs(self.theta) > 1e-9, np.abs(self.theta), 1.0)
+        self.m = max(1, round(_WINDOW / grid.h))
+        places = [(a, b, k) for a, b in grid.runs for k in range(a, b, self.m)]
+        count = len(places)
+        inputs = np.zeros((count, self.m, len(grid.w)))
+        self.y = np.full((count, self.m + 1, 12), np.nan)
+        self.follows = np.zeros(count, bool)  # the window before
+        for i, (a, b, k) in enumerate(places):
+            steps = min(self.m, b - k)
+            inputs[i, :steps] = grid.w[:, k : k + steps].T
+            inputs[i, steps:] = inputs[i, steps - 1]
+            points = steps + (k + steps == b)  # the last point belongs to the window behind it
+            self.y[i, :points] = grid.y[:, k : k + points].T
+            self.follows[i] = k > a
+        self.windows = Windows(box, inputs, grid.h)
+        self.seen = np.isfinite(self.y)
+        self.measured = np.flatnonzero(self.seen.any(axis=(0, 1)))  # signals
+        self.guess = _guess(self, grid, [k for _, _, k in places])
+        self.x_scale = np.maximum(np.abs(self.guess).max(axis=0), 0.1)
+        self.cuts = self._cut()
+
+    def at(self, theta: Array, starts: Array, sigma: Array) -> Point:
+        """Linearise at theta and the windows' initial states (S, n_x)."""
+        y, dy, end, dend = self.windows(starts, theta)
+        residual = y - self.y
+        residual[..., ANGLES] = np.arctan2(
+            np.sin(residual[..., ANGLES]), np.cos(residual[..., ANGLES])
+        )
+        residual[~self.seen] = np.nan
+        scales = np.concatenate([self.x_scale, self.scale])
+        weights = np.where(self.seen, 1.0 / sigma, 0.0)
+        j = self.measured
+        rows = np.concatenate(
+            [dy[:, :, j] * scales, np.nan_to_num(residual[..., j])[..., None]], axis=-1
+        )
+        rows *= weights[..., j, None]
+        rows = rows.reshape(len(starts), -1, self.n_x + self.n_p + 1)
+        derivative = dend * scales / self.x_scale[:, None]
+        gap = np.zeros_like(end)
+        inner = np.flatnonzero(self.follows)
+        gap[inner - 1] = (end[inner - 1] - starts[inner]) / self.x_scale
+        prior = self._prior(starts)
+        squares = float(np.sum(rows[..., -1] ** 2)) + float(
+            np.sum((PRIOR * (theta - self.theta) / self.scale) ** 2)
+        )
+        squares += float(sum(np.sum(p[:, -1] ** 2) for p in prior))
+        return Point(
+            theta, starts, residual, rows, derivative[..., : self.n_x],
+            derivative[..., self.n_x :], gap, 0.5 * squares,
+        )  # fmt: skip
+
+    def step(self, point: Point, low: Array, high: Array) -> tuple[Array, Array, float, float]:
+        """Return the changes of theta and of the states, and what they do to the objective.
+
+        These are its slope along the changes, and its curvature.
+        """
+        from scipy.optimize import lsq_linear
+
+        n_x = self.n_x
+        first = self._first_rows(point, self._prior(point.starts))
+        away = (point.theta - self.theta) / self.scale
+        of_theta = [np.column_stack([PRIOR * np.eye(self.n_p), PRIOR * away])]
+        of_theta += [rows[n_x:, n_x:] for rows in first.values()]
+        stacked = np.vstack(of_theta)
+        ends = [(np.asarray(e) - point.theta) / self.scale for e in (low, high)]
+        bounds = np.minimum(ends[0], -1e-12), np.maximum(ends[1], 1e-12)
+        few = np.linalg.qr(stacked, mode="r")
+        solved = lsq_linear(few[:, :-1], -few[:, -1], bounds)
+        d_theta = np.asarray(solved.x, dtype=float)
+        d_states = np.zeros_like(point.starts)
+        for i, follows in enumerate(self.follows):
+            if follows:
+                d_states[i] = (
+                    point.A[i - 1] @ d_states[i - 1] + point.B[i - 1] @ d_theta + point.gap[i - 1]
+                )
+            else:
+                rows = first[i]
+                right = rows[:n_x, -1] + rows[:n_x, n_x:-1] @ d_theta
+                d_states[i] = -np.linalg.solve(rows[:n_x, :n_x], right)
+        d = np.concatenate([d_states, np.tile(d_theta, (len(d_states), 1))], axis=1)
+        along = np.einsum("srn,sn->sr", point.rows[..., :-1], d)
+        slope = float(np.sum(along * point.rows[..., -1])) + float(PRIOR**2 * away @ d_theta)
+        curvature = float(np.sum(along**2)) + float(PRIOR**2 * d_theta @ d_theta)
+        for i, prior in zip(np.flatnonzero(~self.follows), self._prior(point.starts), strict=True):
+            change = prior[:, :n_x] @ d_states[i]
+            slope += float(change @ prior[:, -1])
+            curvature += float(change @ change)
+        return self.scale * d_theta, self.x_scale * d_states, slope, curvature
+
+    def information(self, point: Point, factor: Array) -> Array:
+        """Return the Fisher information of theta (scaled), with all states eliminated.
+
+        `factor` (12,) multiplies the weights of each signal.
+        """
+        shape = (len(self.follows), self.m + 1, len(self.measured), self.n_x + self.n_p + 1)
+        wide = point.rows.reshape(shape) * factor[self.measured, None]
+        rows = wide.reshape(point.rows.shape)
+        weak = np.zeros((self.n_x, self.n_x + self.n_p + 1))
+        weak[:, : self.n_x] = 0.1 * np.eye(self.n_x)
+        weighted = Point(
+            point.theta, point.starts, point.residual, rows, point.A, point.B, point.gap, 0.0
+        )
+        first = self._first_rows(weighted, [weak] * int(np.sum(~self.follows)))
+        of_theta = [r[self.n_x :, self.n_x : -1] for r in first.values()]
+        return np.asarray(sum(r.T @ r for r in of_theta), dtype=float)
+
+    # ---- inside -------------------------------------------------------------------------------
+
+    def _first_rows(self, point: Point, prior: list[Array]) -> dict[int, Array]:
+        """Return, for each run, triangular rows in its first state, theta and the residual."""
+        few = np.linalg.qr(point.rows, mode="r")
+        priors = dict(zip(np.flatnonzero(~self.follows).tolist(), prior, strict=True))
+        found: dict[int, Array] = {}
+        behind: Array | None = None
+        n_x = self.n_x
+        for i in range(len(self.follows) - 1, -1, -1):
+            rows = [few[i]]
+            if behind is not None:
+                s = behind[:, :n_x]
+                moved = np.column_stack([s @ point.B[i], s @ point.gap[i]])
+                rows.append(np.column_stack([s @ point.A[i], behind[:, n_x:] + moved]))
+            if not self.follows[i]:
+                rows.append(priors[i])
+            behind = np.linalg.qr(np.vstack(rows), mode="r")
+            if not self.follows[i]:
+                found[i], behind = behind, None
+        return found
+
+    def _prior(self, starts: Array) -> list[Array]:
+        """Return weak rows on each run's first state: the length of q, a shaft's speed, others."""
+        found = []
+        for i in np.flatnonzero(~self.follows):
+            rows = []
+            for (part, name), place in self.box.x_places.items():
+                x = starts[i, place]
+                if part == self.box.hull and name == "q_nb":
+                    row = np.zeros((1, self.n_x + self.n_p + 1))
+                    row[0, place] = 2e2 * x * self.x_scale[place]
+                    row[0, -1] = 1e2 * (x @ x - 1.0)
+                else:
+                    row = np.zeros((len(x), self.n_x + self.n_p + 1))
+                    row[:, place] = 0.1 * np.eye(len(x))
+                    row[:, -1] = 0.1 * (x - self.guess[i, place]) / self.x_scale[place]
+                rows.append(row)
+            found.append(np.vstack(rows))
+        return found
+
+    def _cut(self) -> int:
+        """Cut runs where an unstable model makes the state depend on the first one too strongly."""
+        point = self.at(self.theta, self.guess, np.ones(12))
+        cuts, grown = 0, np.eye(self.n_x)
+        for i in range(1, len(self.follows)):
+            grown = point.A[i - 1] @ grown if self.follows[i] else np.eye(self.n_x)
+            if not np.abs(grown).max() < _GROWTH:
+                self.follows[i] = False
+                cuts, grown = cuts + 1, np.eye(self.n_x)
+        return cuts
+
+    def series(self, residual: Array) -> Iterator[Array]:
+        """Yield the residuals of each signal over all windows, NaN between them."""
+        for j in range(12):
+            yield residual[:, :, j].ravel()
+
+
+def _guess(problem: Shooting, grid: Grid, places: list[int]) -> Array:
+    """Return initial states (S, n_x) of the windows: the hull's measured, the others simulated."""
+    from scipy.ndimage import uniform_filter1d
+    from scipy.spatial.transform import Rotation
+
+    box = problem.box
+    y = grid.y.copy()
+    n = y.shape[1]
+    for j in range(12):  # eta and nu at every grid point: interpolated; velocities by differences
+        good = np.isfinite(y[j])
+        if good.any():
+            y[j] = np.interp(np.arange(n), np.flatnonzero(good), y[j, good])
+    if not np.isfinite(y[2]).all():
+        y[2] = 10.0  # deep enough that no surface is near
+    y[:6] = np.nan_to_num(y[:6])
+    for j in range(6):
+        if not np.isfinite(y[6 + j]).all():
+            rate = np.gradient(y[j], grid.h)
+            y[6 + j] = np.convolve(rate, np.ones(5) / 5, mode="same") if j >= 3 else 0.0
+    turned = Rotation.from_euler("ZYX", y[[5, 4, 3]].T)
+    if not np.isfinite(grid.y[6:9]).any():
+        # u v w from positions and attitude, smoothed over five steps
+        rates = uniform_filter1d(np.gradient(y[:3], grid.h, axis=1), 5, axis=1)
+        y[6:9] = turned.inv().apply(rates.T).T
+    out = np.tile(box.start(), (len(places), 1))
+    hull = box.hull
+    out[:, box.x_places[hull, "p"]] = y[:3, places].T
+    out[:, box.x_places[hull, "q_nb"]] = turned[places].as_quat(scalar_first=True)
+    out[:, box.x_places[hull, "nu_b"]] = y[6:, places].T
+    others = [p for (i, _), p in box.x_places.items() if i != hull]
+    if others:
+        end = problem.windows(out, problem.theta)[2]
+        inner = np.flatnonzero(problem.follows)
+        for place in others:
+            out[inner, place] = np.nan_to_num(end[inner - 1, place])
+    return out
