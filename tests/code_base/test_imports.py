@@ -14,6 +14,7 @@ PACKAGES = ("models", "fmus", "kernels")
 DEFERRED = {
     "fmus.check.check_fmu": {"fmpy": "start-up"},
     "fmus.codegen.toolchain": {"importlib": "start-up"},
+    "fmus.export.component_binary": {"wasmtime": "extra"},
     "fmus.isolation.confined_child": {
         "uuvsim_cosim.fmus.isolation": "order",
         "uuvsim_cosim.fmus.isolation.confinement": "order",
@@ -28,6 +29,10 @@ DEFERRED = {
         "uuvsim_cosim.fmus.isolation.refusals": "POSIX",
     },
     "fmus.model_exchange.solver": {"fmpy": "start-up", "scipy": "start-up"},
+    "fmus.sandbox.component_library": {"wasmtime": "extra"},
+    "fmus.sandbox.engine": {"importlib": "start-up", "wasmtime": "extra"},
+    "fmus.sandbox.host": {"wasmtime": "extra"},
+    "fmus.sandbox.library": {"wasmtime": "extra"},
     "kernels.derivatives.autograd": {"torch": "extra"},
     "models.analysis.linearize": {"control": "start-up"},
     "models.analysis.trim": {"scipy": "start-up"},
