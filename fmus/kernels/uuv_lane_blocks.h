@@ -2,7 +2,7 @@
 /* What a kernel's driver offers: whole ranges of blocks stepped, seeded, reset, or derived anew.
  *
  * Included at the end of the generated driver, which has N_CELLS, N_START, N_SEEDED, seeded,
- * N_MEMBERS, members, declared, step, initial_outputs.
+ * N_MEMBERS, N_OPERATIONS, members, declared, step, initial_outputs.
  */
 #ifndef UUV_LANE_BLOCKS_H
 #define UUV_LANE_BLOCKS_H

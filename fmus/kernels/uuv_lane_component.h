@@ -24,7 +24,7 @@ typedef struct {
 /* Memory of the next block, which is asked for in pieces while this block is stepped. */
 typedef struct {
     const char *next, *end; /* that were not asked for yet */
-    uint64_t size;          /* bytes of all */
+    uint64_t rate;          /* lines of 64 bytes for each operation of a step, times 2^32 */
 } uuv_lane_fetch;
 
 /* Where the parameters of a block are in this step, and the memory that is needed next.

@@ -83,7 +83,8 @@ UUV_KERNEL_API int32_t uuv_kernel_step_parts(const V *memory, const uint8_t *is_
                                              const uuv_lane_parts *parts, V *work, uint64_t first,
                                              uint64_t last, uint64_t n) {
     int32_t failed = 0;
-    uuv_lane_fetch fetch = {0, 0, parts->carried.n_cells * sizeof(V)};
+    const uint64_t lines = parts->carried.n_cells * sizeof(V) / 64 + 1;
+    uuv_lane_fetch fetch = {0, 0, (lines << 32) / N_OPERATIONS};
     const uuv_lane_sources at = {0, 0, &fetch};
     load_parameters(work, memory, is_own, 0);
     load_part(work, &parts->given, 0);

@@ -40,12 +40,11 @@ static inline const V *lane_parameters(const V *cells, const V *b, const uuv_lan
     return !at->is_own || at->is_own[b - cells] ? b : b + at->to_first;
 }
 
-/* Asks for the next part of that memory, at least `share` 1024ths of all, so that it comes while a
- * component is stepped. */
-static inline void lane_fetch(const uuv_lane_sources *at, uint64_t share) {
+/* Asks for the next part of that memory, which comes while `operations` of a component are made. */
+static inline void lane_fetch(const uuv_lane_sources *at, uint64_t operations) {
     uuv_lane_fetch *f = at->fetch;
     if (!f) return;
-    for (uint64_t n = f->size * share / 65536 + 1; n && f->next < f->end; n--, f->next += 64)
+    for (uint64_t n = (operations * f->rate >> 32) + 1; n && f->next < f->end; n--, f->next += 64)
         __builtin_prefetch(f->next, 1, 3);
 }
 

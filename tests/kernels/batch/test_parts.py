@@ -81,6 +81,8 @@ def test_resets_at_different_times_have_the_bits_of_whole_blocks(
             batch.step()
         batch.reset(np.arange(N) > 30)
         batch.step(25)
+        for _ in range(3):  # no longer step begins or ends in these
+            batch.step()
     np.testing.assert_array_equal(a.tick, b.tick)
     for variable in a.variables:
         np.testing.assert_array_equal(a.get(variable), b.get(variable), variable)
@@ -168,6 +170,7 @@ def test_a_lane_that_fails_is_reported_as_in_whole_blocks(
 def test_no_step_changes_nothing(both: Callable[..., tuple[Batch, Batch]]) -> None:
     a, b = both(kernel("hold"))
     for batch in (a, b):
+        sets_inputs_that_differ(batch)
         batch.step(2)
         batch.step(0)
     same(a, b)

@@ -59,7 +59,8 @@ def driver_text(fused: Fused, tokens: Sequence[str]) -> str:
             f"enum {{ N_CELLS = {fused.n_cells}, N_START = {fused.n_start}, "
             f"N_PERIODS = {n_periods}, N_WORDS = {fused.n_words},",
             f"       N_WORD_CELLS = {fused.members[0].cell}, N_SEEDED = {len(seeded)}, "
-            f"N_MEMBERS = {len(fused.members)} }};",
+            f"N_MEMBERS = {len(fused.members)},",
+            f"       N_OPERATIONS = {sum(map(_operations, fused.members))} }};",
             f"static const uint64_t tick_num = {tick.numerator}u, tick_den = {tick.denominator}u;",
             f"static const uint64_t period_ticks[] = {{{periods}}};",
             "static const struct {",
@@ -110,10 +111,8 @@ def _steps(fused: Fused, units: Units) -> Iterator[Work]:
     """
     late = [t for t in fused.plan.transfers if not fused.is_early(t)]
     yield from _copying(fused, units, late, stepping=True)
-    whole = sum(map(_work, fused.members))
     for group in _side_by_side(fused):
-        share = round(1024 * sum(_work(fused.members[i]) for i in group) / whole)
-        yield units.of[group[0]], partial(_group_step, fused, group, share)
+        yield units.of[group[0]], partial(_group_step, fused, group)
     for m, unit in zip(fused.members, units.of, strict=True):
         if m.rate >= 0:
             yield unit, partial(_becoming_visible, m)
@@ -131,13 +130,10 @@ def _copying(
         yield unit, partial(copies, fused, list(into), stepping=stepping)
 
 
-def _group_step(fused: Fused, group: Sequence[int], share: int, places: Places) -> Iterator[str]:
-    """Yield the step of a member, or of several side by side.
-
-    Meanwhile, a `share` of the next block's memory is fetched, in 1024ths.
-    """
+def _group_step(fused: Fused, group: Sequence[int], places: Places) -> Iterator[str]:
+    """Yield the step of a member, or of several side by side, while other memory is fetched."""
     m = fused.members[group[0]]
-    yield f"    lane_fetch(at, {share});"
+    yield f"    lane_fetch(at, {len(group) * _operations(m)});"
     if places.base == "m":
         yield f"    /* {', '.join(fused.members[i].path for i in group)} */"
     own, call = places.address(m.cell), f"stepper[{m.declaration}]"
@@ -157,7 +153,7 @@ def _group_step(fused: Fused, group: Sequence[int], share: int, places: Places) 
     )
 
 
-def _work(m: Member) -> int:
+def _operations(m: Member) -> int:
     """Return about how many operations a step of a member has, at least 1."""
     return (4 if m.layout.count["state"] else 1) * m.layout.operations + 1
 

@@ -183,7 +183,7 @@ class System(Structure):
         checked = with_connection(self.checked, connection)
         if checked is not None:
             new = checked.wires[len(self.checked.wires) :]
-            return self._known(checked, (*self.connections, *(w.connection for w in new)))
+            return self._known(checked, self.connections + tuple(w.connection for w in new))
         return replace(self, connections=(*self.connections, connection))
 
     def disconnect(self, target: str) -> System:

@@ -169,7 +169,7 @@ def with_element(system: Structure, checked: Checked, element: Element) -> Check
         return None
     return replace(
         checked,
-        elements=(*checked.elements, element),
+        elements=checked.elements + (element,),  # noqa: RUF005  (one copy, where * makes two)
         descriptions=checked.descriptions.extended(described),
     )
 
@@ -193,9 +193,8 @@ def with_start(
     )
     if problems or structural or not isinstance(old.source, str):
         return None
-    return replace(
-        checked, elements=(*checked.elements[:index], element, *checked.elements[index + 1 :])
-    )
+    before, after = checked.elements[:index], checked.elements[index + 1 :]
+    return replace(checked, elements=before + (element,) + after)  # noqa: RUF005  (fewer copies)
 
 
 def with_connection(checked: Checked, connection: Connection) -> Checked | None:
@@ -210,9 +209,8 @@ def with_connection(checked: Checked, connection: Connection) -> Checked | None:
         return None
     if not new[0].target.whole and new[0].source.variable.shape == new[0].target.variable.shape:
         return None  # elements that may complete a whole connector
-    return replace(
-        checked, wires=(*checked.wires, *new), fed=checked.fed.extended(fed), notes=tuple(notes)
-    )
+    wires = checked.wires + tuple(new)
+    return replace(checked, wires=wires, fed=checked.fed.extended(fed), notes=tuple(notes))
 
 
 def _is_name(name: str) -> bool:
