@@ -143,11 +143,11 @@ def new(
     made = made.with_mismatches("warn") if force else made
     first, *others = made.remarks
     warned = [w for w in flatten(made).warnings if w not in made.notes]
+    own = "".join(c if c.isalnum() else "_" for c in Path(name).name)
+    write_ssd(replace(made, name=own), target)
     line(first)
     for text in warned:
         remark("warning", text)
     for text in others:
         remark("note" if text.startswith("margins") else "assumed", text)
-    own = "".join(c if c.isalnum() else "_" for c in Path(name).name)
-    write_ssd(replace(made, name=own), target)
     file_line(target)
