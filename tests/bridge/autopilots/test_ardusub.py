@@ -543,6 +543,14 @@ def test_commands_that_the_autopilot_refuses_are_counted_by_their_names() -> Non
     }  # fmt: skip
 
 
+def test_an_autopilot_with_other_options_keeps_the_values_of_the_one_before() -> None:
+    before = uuv.load("bluerov2_ardusub").set("controller.warm_up", 60.0)
+    after = with_autopilot(before, "controller", "ardusub:?timeout=5")
+    assert after.components["controller"].start == before.components["controller"].start
+    px4 = with_autopilot(before, "controller", "px4:").components["controller"].start
+    assert px4 == {"arm": True, "mode": 6, "eta_d": (0.0, 0.0, 5.0, 0.0, 0.0, 0.0)}
+
+
 def test_a_file_with_the_name_of_the_scheme_in_the_current_folder_is_not_the_source(
     fake: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -37,7 +37,8 @@ def with_autopilot(system: System, name: str, source: str = "ardusub:") -> Syste
 
     It replaces the component `name` (a controller, or an allocation) and the allocation that feeds
     the thrusters, and gets the true state of the hull, the readings of sensors that are there, and
-    the desired pose and velocity that the component `name` had. The base step becomes 2.5 ms if it
+    the desired pose and velocity that the component `name` had, connected or as start values; all
+    start values if it is the same autopilot with other options. The base step becomes 2.5 ms if it
     is longer. Raises InputInvalid if the system has no such component, hull or allocation of 8
     thrusters.
 
@@ -71,6 +72,11 @@ def with_autopilot(system: System, name: str, source: str = "ardusub:") -> Syste
         for w in wires
         if w.target.element == name and w.target.variable.name in ("eta_d", "nu_d")
     ]
+    values = {  # of the component before: its desired pose, or all if it is the same autopilot
+        n: value
+        for n, value in known[name].start.items()
+        if n in ("eta_d", "nu_d") or autopilot_of(known[name].source) == scheme
+    }
     for gone in {name, *allocations}:
         system = system.remove(gone)
     system = replace(system, tick=min(system.tick, LOOP)).add(name, f"{scheme}:{options}")
@@ -87,7 +93,9 @@ def with_autopilot(system: System, name: str, source: str = "ardusub:") -> Syste
                 system = system.connect(f"{sensor}.{output}", f"{name}.{input_}")
     for output, target in wanted:
         system = system.connect(output, f"{name}.{target}")
-    return system.set(f"{name}.arm", True).set(f"{name}.mode", AUTOPILOTS[scheme][1])
+    for variable, value in {"arm": True, "mode": AUTOPILOTS[scheme][1], **values}.items():
+        system = system.set(f"{name}.{variable}", value)
+    return system
 
 
 def with_binary(system: System, path: str, autopilot: str = "ardusub") -> System:
