@@ -1,7 +1,8 @@
 """Figures with the real ArduSub: ``python -m tests.bridge.autopilots.with_real_binary BINARY``.
 
 Instead of all figures, ``--speed 60`` measures the time of a step, three times in 60 s of simulated
-time, beside the fake autopilot. ``--survey 120`` flies the survey in its current for 120 s.
+time, beside the fake autopilot. ``--survey 120`` flies the survey in its current for 120 s, and
+``--navigation sensors`` with the DVL and the USBL instead of ArduSub's own GPS.
 ``--hours 2`` runs the endurance test: memory of both processes and lost frames; ``--minutes 60``
 ends it after an hour by the clock. ``--rate 200`` makes 200 steps in a second, and the loop of
 ArduSub as many; 400 is the default of both. The figures of docs/results.md are of this script.
@@ -61,6 +62,7 @@ def main() -> None:
     parser.add_argument("--minutes", type=float, default=math.inf, help="its end by the clock")
     parser.add_argument("--rate", type=int, default=400, help="Hz of the steps and of ArduSub")
     parser.add_argument("--survey", type=float, default=0.0, help="seconds; the survey instead")
+    parser.add_argument("--navigation", default="gps", help="of the survey: gps or sensors")
     parser.add_argument("--speed", type=float, default=0.0, help="seconds; time of a step instead")
     given = parser.parse_args()
     binary = str(given.binary.absolute())
@@ -71,7 +73,7 @@ def main() -> None:
         if given.hours:
             endurance(system, given.hours, given.minutes)
         elif given.survey:
-            survey(binary, given.survey, Path(name))
+            survey(binary, given.survey, given.navigation, Path(name))
         elif given.speed:
             fake = with_binary(uuv.load("bluerov2_ardusub"), str(compiled(Path(name) / "ardusub")))
             for _ in range(3):
@@ -90,9 +92,11 @@ def slower(system: System, rate: int, folder: Path) -> System:
     return replace(system, tick=Fraction(1, rate))
 
 
-def survey(binary: str, seconds: float, folder: Path) -> None:
+def survey(binary: str, seconds: float, navigation: str, folder: Path) -> None:
     """Print how far the survey with ArduSub is from its desired pose, in a current."""
-    system = with_binary(with_autopilot(uuv.load("bluerov2_survey"), "controller"), binary)
+    source = f"ardusub:?navigation={navigation}"
+    system = with_autopilot(uuv.load("bluerov2_survey"), "controller", source)
+    system = with_binary(system, binary)
     signals, times = flown(system, seconds, "survey", folder)
     eta, eta_d = signals["hull.eta"], signals["guidance.eta_d"]
     north, east = (eta - eta_d)[:, 0], (eta - eta_d)[:, 1]
