@@ -232,7 +232,12 @@ def test_restart_begins_with_the_present_values_and_replay_repeats_the_events(
     find("#replay").click();
     const at = [line.steps, line.value("hull.v_c", 0)];
     page.advance(100);
-    const again = page.system.hash === first;
+    const again = [page.system.hash === first];
+    line.seek(80);
+    find("#seed").value = "0"; find("#seed").onchange({ target: find("#seed") });
+    again.push(line.steps, line.value("hull.v_c", 0));
+    page.advance(100);
+    again.push(page.system.hash === first);
     find("#restart").click();
     const kept = line.events.map(e => [e.at, e.kind]);
     page.advance(100);
@@ -240,7 +245,7 @@ def test_restart_begins_with_the_present_values_and_replay_repeats_the_events(
     return [...at, again, line.value("hull.v_c", 0), kept, same, line.startValues];
     """
     assert on_page(tmp_path, pages["bluerov2_hold"], script) == [
-        0, 0, True, 0.3, [[1, "bias"]], False, [["hull.v_c", 0, 0.3]],
+        0, 0, [True, 0, 0, True], 0.3, [[1, "bias"]], False, [["hull.v_c", 0, 0.3]],
     ]  # fmt: skip
 
 

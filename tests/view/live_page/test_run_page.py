@@ -56,7 +56,7 @@ def test_the_page_has_the_recording_s_bits_at_the_instant_and_goes_on_with_other
 ) -> None:
     page = write_run_page(run, tmp_path / "page.html").read_text("utf-8")
     script = """
-    const found = [page.line.steps, page.system.outputs()];
+    const found = [page.line.command("s.yaml"), page.line.steps, page.system.outputs()];
     page.advance(100);
     found.push(page.system.outputs());
     page.seek(250);
@@ -64,8 +64,9 @@ def test_the_page_has_the_recording_s_bits_at_the_instant_and_goes_on_with_other
     page.advance(100);
     return [...found, page.system.outputs(), page.line.steps];
     """
-    steps, here, later, changed, end = in_page(tmp_path, page, script, "#steps=250")  # type: ignore[misc]
+    command, steps, here, later, changed, end = in_page(tmp_path, page, script, "#steps=250")  # type: ignore[misc]
     assert (steps, end) == (250, 350)
+    assert command == "uuvsim run run/system.ssd --seed 5 --until 2.5 --scenario s.yaml"
     assert here == row_of(run, 250)
     assert later == row_of(run, 350)
     assert changed != later

@@ -103,7 +103,7 @@ def _export_page(system: str, out: Path, *, scene: bool) -> None:
 
     if scene:
         raise InputInvalid(f"--scene and {out}", "a file .mcap; a page has the scene anyway")
-    file_line(write_live_page(load(system), out))
+    file_line(write_live_page(load(system), out, source=system))
 
 
 def _export_bag(

@@ -180,7 +180,9 @@ class Timeline {
     this.due = null;
     this.begin();
   }
+  // From time 0 with the same start values and events.
   reseed(seed) {
+    this.seek(0);
     this.system.seed = seed;
     this.begin();
   }
@@ -214,7 +216,8 @@ class Timeline {
     });
     const whole = Math.ceil(this.steps * this.system.tick), exact = this.seconds(Math.max(1, this.steps));
     const until = BigInt(Math.round(this.steps)) * BigInt(this.system.table.tick[0]) * 10n ** 9n % BigInt(this.system.table.tick[1]) ? whole : exact;
-    return `uuvsim run ${this.system.table.name} --seed ${this.system.seed}${set.join("")} --until ${until} --scenario ${file}`;
+    const source = this.system.table.source || this.system.table.name;
+    return `uuvsim run ${/^[\w./-]+$/.test(source) ? source : `'${source}'`} --seed ${this.system.seed}${set.join("")} --until ${until} --scenario ${file}`;
   }
   // All of it as JSON, for a link; `load` reads it, and returns what it cannot use.
   settings() {

@@ -57,8 +57,10 @@
   function run() {
     if (line.failure) return;
     notice(""); running = true; last = performance.now(); owed = 0; began = [last, system.time];
-    find("#run").textContent = "pause"; requestAnimationFrame(frame);
+    find("#run").textContent = "pause"; next();
   }
+  let asked = 0;
+  function next() { cancelAnimationFrame(asked); asked = requestAnimationFrame(frame); }
   function frame(now) {
     if (!running || document.hidden) return;
     const speed = +find("#speed").value, until = performance.now() + SLICE;
@@ -72,7 +74,7 @@
     }
     if (owed > speed / system.tick) owed = 0;  // the machine is too slow for this speed
     draw(now);
-    requestAnimationFrame(frame);
+    next();
   }
   // After a jump in time, or changed events: plots, track and fields show this point.
   function refresh() {
@@ -103,7 +105,7 @@
     if (document.hidden) { left = performance.now(); return; }
     notice(`This page was in the background for ${shown(+((performance.now() - left) / 1000).toPrecision(2))} s, where the browser does not run it. It goes on from t = ${system.time.toFixed(2)} s.`);
     last = performance.now(); owed = 0; began = [last, system.time];
-    requestAnimationFrame(frame);
+    next();
   });
 
   // ---- what is seen ----
@@ -344,7 +346,7 @@
     try { found = await settingsOf(text); } catch {
       return `The link is damaged: its ${text.length.toLocaleString("en")} characters after “link=” cannot be read; expected a link that this page has made. Its settings are ignored.`;
     }
-    if (found.system !== data.table.name) return `The link has settings of the system “${found.system}”; expected ${data.table.name}. They are ignored.`;
+    if (found?.system !== data.table.name) return `The link has settings of the system “${found?.system}”; expected ${data.table.name}. They are ignored.`;
     const refused = [];
     again(() => refused.push(...line.load(found)));
     if (THEMES.test(found.theme)) theme(found.theme);

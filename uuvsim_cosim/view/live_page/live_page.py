@@ -45,29 +45,30 @@ SCRIPTS = (
 
 
 def write_live_page(
-    system: System, target: Path, *, plots: Sequence[str] = (), remark: str = ""
+    system: System, target: Path, *, plots: Sequence[str] = (), remark: str = "", source: str = ""
 ) -> Path:
     """Write the page of a system and return its path; arguments as of `live_page_html`.
 
     Raises SystemInvalid, which names every component that is no declaration, and ToolchainError.
     """
-    return written(target, live_page_html(system, plots=plots, remark=remark))
+    return written(target, live_page_html(system, plots=plots, remark=remark, source=source))
 
 
 def live_page_html(
     system: System, *, plots: Sequence[str] = (), remark: str = "",
-    seed: int = 0, scenario: Scenario | None = None,
+    seed: int = 0, scenario: Scenario | None = None, source: str = "",
 ) -> str:  # fmt: skip
     """Return the page of a system as a text; it begins with this seed and this scenario.
 
     The page plots the outputs in `plots` ("task.return") first. A `remark` on what it computes
-    stands in the place of the command that verifies a system by its name.
+    stands in the place of the command that verifies a system by its name. `source` is the text by
+    which `uuvsim run` finds the system, by default its name.
     """
     compiled = web_assembly(system)
     plan = compiled.parts.fused.plan
     scene3d = scene3d_of_plan(plan, system.name)
     data = {
-        "table": compiled.table,
+        "table": compiled.table | {"source": source or system.name},
         "module": _packed(compiled.module.read_bytes()),
         "marks": MARKS,
         "stop": compiled.parts.whole.stop_time,

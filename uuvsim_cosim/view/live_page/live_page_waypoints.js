@@ -75,8 +75,7 @@ function waypointsCard(page, names) {
   function move() {
     const [n, e, , , , psi] = eta.map(at => line.system.values[at]);
     vessel.setAttribute("transform", `translate(${x([n, e])} ${y([n, e])}) rotate(${psi * 180 / Math.PI - 90}) scale(1.3)`);
-    const seen = page.track(), step = Math.max(1, Math.ceil(seen[0].length / 400)), found = [];
-    for (let k = 0; k < seen[0].length; k += step) found.push(`${x([seen[0][k]])},${y([seen[0][k]])}`);
+    const seen = page.track(), step = Math.max(1, Math.ceil(seen[0].length / 400));
     track.setAttribute("points", Array.from({ length: Math.ceil(seen[0].length / step) }, (_, k) => { const p = [seen[0][k * step], seen[1][k * step]]; return `${x(p)},${y(p)}`; }).join(" "));
   }
   svg.onpointerdown = e => {

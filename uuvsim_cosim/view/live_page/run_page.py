@@ -60,6 +60,7 @@ def write_run_page(folder: str | Path, target: Path | None = None) -> Path:
     record = provenance.get("scenario")
     page = live_page_html(
         load(folder / "system.ssd"),
+        source=f"{folder.name}/system.ssd",
         seed=int(provenance.get("seed", 0)),
         scenario=None if record is None else scenario_of_record(record),
     )
