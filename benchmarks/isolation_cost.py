@@ -2,9 +2,10 @@
 
 The same exported FMI 3.0 FMU is stepped by the master in this process, in another through shared
 memory, in a third such process that is a sandbox, as WebAssembly in this process, as a component of
-FMI-LS-WASM through Python, and in another process through pipes, in turn. One exchange is set, do_step and get. Medians of wall time and of CPU time (this process's and the
-child's). Target: under 10 µs of wall time through shared memory while both cores are free; `--busy`
-shows what it is when none is. The start is that of a process until its component is made.
+FMI-LS-WASM through Python, and in another process through pipes, in turn. One exchange is set,
+do_step and get. Medians of wall time and of CPU time (this process's and the child's). Target:
+under 10 µs of wall time through shared memory while both cores are free; `--busy` shows what it is
+when none is. The start is that of a process, or an instance, until its component is made.
 """
 
 from __future__ import annotations
