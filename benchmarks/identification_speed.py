@@ -3,7 +3,7 @@
 The dive is simulated with other numbers than the set's, all six axes are driven, and noise is
 added. Both methods solve the same problem (the same grid, windows and weights of the last pass);
 "before" is the method of CasADi's virtual machine and ipopt. Differences are in standard errors.
-`--before-seconds` fits a shorter part by the slow method, which is compared on this part.
+`--before-seconds` gives the slow method a part, on which both are compared.
 """
 
 from __future__ import annotations
@@ -61,7 +61,7 @@ def used() -> float:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--seconds", type=float, default=300.0)
-    parser.add_argument("--before-seconds", type=float, default=30.0)
+    parser.add_argument("--before-seconds", type=float, default=300.0)
     options = parser.parse_args()
     print(f"load {os.getloadavg()[0]:.1f}")
     plan = flatten(system_of("model:bluerov2").with_mismatches("warn"))

@@ -83,6 +83,17 @@ def test_a_message_that_looks_like_headers_inside_is_one_message(tmp_path: Path)
     assert (found.count("MSG"), found.count("EV"), found.lost) == (1, 1, 0)
 
 
+def test_a_message_that_is_declared_again_with_other_fields_is_a_conflict(tmp_path: Path) -> None:
+    log = Dataflash()
+    log.describe(21, "EV", "QB", "TimeUS,Id")
+    log.put("EV", 2, 10)
+    log.describe(21, "EV", "QH", "TimeUS,Id")
+    (tmp_path / "1.BIN").write_bytes(log.data)
+    found = DataFlash(tmp_path / "1.BIN")
+    assert found.conflicts == ["EV"]
+    assert found.column("EV", "Id").tolist() == [10]
+
+
 def test_an_incomplete_last_message_is_left_out(log: Path) -> None:
     whole = DataFlash(log)
     log.write_bytes(log.read_bytes()[:-5])

@@ -286,6 +286,26 @@ def test_what_lacks_or_is_not_there_is_named_with_near_names() -> None:
         identify(empty, "model:bluerov2", ["m"])
 
 
+def test_angles_or_rates_in_degrees_are_refused() -> None:
+    data = recorded(until=6.0)
+    turning = {name: np.array(data[name]) for name in data}
+    turning["eta"][:, 5] = 0.1 * np.sin(data.time)
+    turning["nu"][:, 5] = 0.1 * np.cos(data.time)
+
+    def fitted(signal: str, column: int) -> None:
+        values = {name: value.copy() for name, value in turning.items()}
+        values[signal][:, column] *= 180.0 / np.pi
+        identify(Signals(data.time, data.ticks, values, {}), "model:bluerov2", ["m"])
+
+    turning["eta"][:, 4] = 0.2 * np.sin(data.time)
+    with pytest.raises(InputInvalid, match=r"eta\[5\] \(pitch\) reaches 11.*a line of units"):
+        fitted("eta", 4)
+    with pytest.raises(InputInvalid, match=r"57.* times the yaw rate, as if eta\[6\] were in deg"):
+        fitted("eta", 5)
+    with pytest.raises(InputInvalid, match=r"0.017.* the yaw rate, as if nu\[6\] were in degrees"):
+        fitted("nu", 5)
+
+
 def test_a_fit_becomes_a_set_that_runs_and_that_randomisation_draws_from(
     found: Identified, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

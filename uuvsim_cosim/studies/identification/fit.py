@@ -109,7 +109,7 @@ def expected_information(problem: Shooting) -> Array:
     point = problem.at(problem.theta, problem.guess, sigma)
     rho = np.array([_lag(values) for values in problem.series(point.residual)])
     information = problem.information(point, np.sqrt((1.0 - rho) / (1.0 + rho)))
-    return information / np.outer(problem.scale, problem.scale)
+    return np.asarray(information / np.outer(problem.scale, problem.scale), dtype=np.float64)
 
 
 @dataclass

@@ -245,7 +245,8 @@ def expectation(fitted: Sequence[Fitted], information: Array) -> list[str]:
     scaled = scaled_information(information, start, start)
     covariance = np.linalg.inv(scaled + 1e-6 * np.eye(len(fitted)))
     shares = 1.96 * np.sqrt(np.maximum(np.diag(covariance), 0.0))
-    known, others = [], []
+    known: list[str] = []
+    others: list[str] = []
     for f, share in zip(fitted, shares, strict=True):
         told = f"{f.name} (± {100 * share:.2g} %)" if share < 10.0 else f.name
         (known if share < 2.0 * WEAK else others).append(told)

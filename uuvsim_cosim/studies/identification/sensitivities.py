@@ -9,6 +9,7 @@ of the exact solution.
 from __future__ import annotations
 
 import ctypes
+from collections.abc import Callable
 from typing import final
 
 import casadi as ca
@@ -149,7 +150,7 @@ class Windows:
 
 
 @interruptible()
-def _compiled(box: GreyBox) -> ctypes._CFuncPtr:
+def _compiled(box: GreyBox) -> Callable[..., None]:
     symbols = [box.x, box.w, box.theta]
     functions = []
     for name, source in (("rhs", box.f), ("measured", box.h)):
@@ -166,4 +167,5 @@ def _compiled(box: GreyBox) -> ctypes._CFuncPtr:
     )  # fmt: skip
     library = compile_shared(generated_sources({"identified.c": text}), name="identified")
     numbers = [ctypes.c_int] * 3 + [ctypes.c_double] + [_DOUBLES] * 7
-    return load_library(library, {"windows": (None, numbers)}).windows
+    run: Callable[..., None] = load_library(library, {"windows": (None, numbers)}).windows
+    return run

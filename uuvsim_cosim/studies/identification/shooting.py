@@ -84,6 +84,68 @@ class Shooting:
 
     def at(self, theta: Array, starts: Array, sigma: Array) -> Point:
         """Linearise at theta and the windows' initial states (S, n_x)."""
+        with np.errstate(over="ignore", invalid="ignore"):  # of a step that is then refused
+            return self._linearised(theta, starts, sigma)
+
+    def step(self, point: Point, low: Array, high: Array) -> tuple[Array, Array, float, float]:
+        """Return the changes of theta and of the states, and what they do to the objective.
+
+        These are its slope along the changes, and its curvature.
+        """
+        from scipy.optimize import lsq_linear
+
+        n_x = self.n_x
+        first = self._first_rows(point, self._prior(point.starts))
+        away = (point.theta - self.theta) / self.scale
+        of_theta = [np.column_stack([PRIOR * np.eye(self.n_p), PRIOR * away])]
+        of_theta += [rows[n_x:, n_x:] for rows in first.values()]
+        stacked = np.vstack(of_theta)
+        ends = [(np.asarray(e) - point.theta) / self.scale for e in (low, high)]
+        bounds = np.minimum(ends[0], -1e-12), np.maximum(ends[1], 1e-12)
+        few = _triangular(stacked)
+        solved = lsq_linear(few[:, :-1], -few[:, -1], bounds)
+        d_theta = np.asarray(solved.x, dtype=float)
+        d_states = np.zeros_like(point.starts)
+        for i, follows in enumerate(self.follows):
+            if follows:
+                d_states[i] = (
+                    point.A[i - 1] @ d_states[i - 1] + point.B[i - 1] @ d_theta + point.gap[i - 1]
+                )
+            else:
+                rows = first[i]
+                right = rows[:n_x, -1] + rows[:n_x, n_x:-1] @ d_theta
+                d_states[i] = -np.linalg.solve(rows[:n_x, :n_x], right)
+        d = np.concatenate([d_states, np.tile(d_theta, (len(d_states), 1))], axis=1)
+        along = np.einsum("srn,sn->sr", point.rows[..., :-1], d)
+        slope = float(np.sum(along * point.rows[..., -1])) + float(PRIOR**2 * away @ d_theta)
+        curvature = float(np.sum(along**2)) + float(PRIOR**2 * d_theta @ d_theta)
+        firsts = np.flatnonzero(~self.follows).tolist()
+        for i, prior in zip(firsts, self._prior(point.starts), strict=True):
+            change = prior[:, :n_x] @ d_states[i]
+            slope += float(change @ prior[:, -1])
+            curvature += float(change @ change)
+        return self.scale * d_theta, self.x_scale * d_states, slope, curvature
+
+    def information(self, point: Point, factor: Array) -> Array:
+        """Return the Fisher information of theta (scaled), with all states eliminated.
+
+        `factor` (12,) multiplies the weights of each signal.
+        """
+        shape = (len(self.follows), self.m + 1, len(self.measured), self.n_x + self.n_p + 1)
+        wide = point.rows.reshape(shape) * factor[self.measured, None]
+        rows = wide.reshape(point.rows.shape)
+        weak = np.zeros((self.n_x, self.n_x + self.n_p + 1))
+        weak[:, : self.n_x] = 0.1 * np.eye(self.n_x)
+        weighted = Point(
+            point.theta, point.starts, point.residual, rows, point.A, point.B, point.gap, 0.0
+        )
+        first = self._first_rows(weighted, [weak] * int(np.sum(~self.follows)))
+        of_theta = [r[self.n_x :, self.n_x : -1] for r in first.values()]
+        return np.asarray(sum(r.T @ r for r in of_theta), dtype=float)
+
+    # ---- inside -------------------------------------------------------------------------------
+
+    def _linearised(self, theta: Array, starts: Array, sigma: Array) -> Point:
         y, dy, end, dend = self.windows(starts, theta)
         residual = y - self.y
         residual[..., ANGLES] = np.arctan2(
@@ -112,66 +174,9 @@ class Shooting:
             derivative[..., self.n_x :], gap, 0.5 * squares,
         )  # fmt: skip
 
-    def step(self, point: Point, low: Array, high: Array) -> tuple[Array, Array, float, float]:
-        """Return the changes of theta and of the states, and what they do to the objective.
-
-        These are its slope along the changes, and its curvature.
-        """
-        from scipy.optimize import lsq_linear
-
-        n_x = self.n_x
-        first = self._first_rows(point, self._prior(point.starts))
-        away = (point.theta - self.theta) / self.scale
-        of_theta = [np.column_stack([PRIOR * np.eye(self.n_p), PRIOR * away])]
-        of_theta += [rows[n_x:, n_x:] for rows in first.values()]
-        stacked = np.vstack(of_theta)
-        ends = [(np.asarray(e) - point.theta) / self.scale for e in (low, high)]
-        bounds = np.minimum(ends[0], -1e-12), np.maximum(ends[1], 1e-12)
-        few = np.linalg.qr(stacked, mode="r")
-        solved = lsq_linear(few[:, :-1], -few[:, -1], bounds)
-        d_theta = np.asarray(solved.x, dtype=float)
-        d_states = np.zeros_like(point.starts)
-        for i, follows in enumerate(self.follows):
-            if follows:
-                d_states[i] = (
-                    point.A[i - 1] @ d_states[i - 1] + point.B[i - 1] @ d_theta + point.gap[i - 1]
-                )
-            else:
-                rows = first[i]
-                right = rows[:n_x, -1] + rows[:n_x, n_x:-1] @ d_theta
-                d_states[i] = -np.linalg.solve(rows[:n_x, :n_x], right)
-        d = np.concatenate([d_states, np.tile(d_theta, (len(d_states), 1))], axis=1)
-        along = np.einsum("srn,sn->sr", point.rows[..., :-1], d)
-        slope = float(np.sum(along * point.rows[..., -1])) + float(PRIOR**2 * away @ d_theta)
-        curvature = float(np.sum(along**2)) + float(PRIOR**2 * d_theta @ d_theta)
-        for i, prior in zip(np.flatnonzero(~self.follows), self._prior(point.starts), strict=True):
-            change = prior[:, :n_x] @ d_states[i]
-            slope += float(change @ prior[:, -1])
-            curvature += float(change @ change)
-        return self.scale * d_theta, self.x_scale * d_states, slope, curvature
-
-    def information(self, point: Point, factor: Array) -> Array:
-        """Return the Fisher information of theta (scaled), with all states eliminated.
-
-        `factor` (12,) multiplies the weights of each signal.
-        """
-        shape = (len(self.follows), self.m + 1, len(self.measured), self.n_x + self.n_p + 1)
-        wide = point.rows.reshape(shape) * factor[self.measured, None]
-        rows = wide.reshape(point.rows.shape)
-        weak = np.zeros((self.n_x, self.n_x + self.n_p + 1))
-        weak[:, : self.n_x] = 0.1 * np.eye(self.n_x)
-        weighted = Point(
-            point.theta, point.starts, point.residual, rows, point.A, point.B, point.gap, 0.0
-        )
-        first = self._first_rows(weighted, [weak] * int(np.sum(~self.follows)))
-        of_theta = [r[self.n_x :, self.n_x : -1] for r in first.values()]
-        return np.asarray(sum(r.T @ r for r in of_theta), dtype=float)
-
-    # ---- inside -------------------------------------------------------------------------------
-
     def _first_rows(self, point: Point, prior: list[Array]) -> dict[int, Array]:
         """Return, for each run, triangular rows in its first state, theta and the residual."""
-        few = np.linalg.qr(point.rows, mode="r")
+        few = _triangular(point.rows)
         priors = dict(zip(np.flatnonzero(~self.follows).tolist(), prior, strict=True))
         found: dict[int, Array] = {}
         behind: Array | None = None
@@ -184,9 +189,11 @@ class Shooting:
                 rows.append(np.column_stack([s @ point.A[i], behind[:, n_x:] + moved]))
             if not self.follows[i]:
                 rows.append(priors[i])
-            behind = np.linalg.qr(np.vstack(rows), mode="r")
-            if not self.follows[i]:
-                found[i], behind = behind, None
+            few_rows = _triangular(np.vstack(rows))
+            if self.follows[i]:
+                behind = few_rows
+            else:
+                found[i], behind = few_rows, None
         return found
 
     def _prior(self, starts: Array) -> list[Array]:
@@ -223,6 +230,11 @@ class Shooting:
         """Yield the residuals of each signal over all windows, NaN between them."""
         for j in range(12):
             yield residual[:, :, j].ravel()
+
+
+def _triangular(rows: Array) -> Array:
+    """Return fewer rows with the same sum of squares: R of a QR decomposition."""
+    return np.asarray(np.linalg.qr(rows, mode="r"), dtype=np.float64)
 
 
 def _guess(problem: Shooting, grid: Grid, places: list[int]) -> Array:

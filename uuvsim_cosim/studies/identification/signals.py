@@ -38,6 +38,7 @@ ANGLES = (3, 4, 5)
 _FORCES = {"thrust", "tau", "force"}
 _FINE, _FINEST = 0.05, 0.02  # s: the longest and the shortest step that is chosen
 _ENOUGH_STEPS, _MOST_STEPS = 1500, 100_000
+_PITCH = 1.65  # rad: more than pi/2 with noise
 _RUN = 3.0  # s: shorter parts are not fitted
 
 
@@ -161,6 +162,7 @@ def grid_of(
                 raise InputInvalid(f"signal {name} has {values.shape[1]} elements", "6")
             for j in range(6):
                 y[k + j] = _measured(t, values[:, j], grid, step, k + j in ANGLES)
+    _check_units(y, step, eta or f"{hull}.eta", nu or f"{hull}.nu")
     if not np.isfinite(y).any():
         raise InputInvalid(eta or nu, f"no number from {t[0]:g} to {t[-1]:g} s", "some")
     moments = np.array(
@@ -171,6 +173,33 @@ def grid_of(
         grid - grid[0], step, w, y, tuple(supply.computed), tuple(n for n in (eta, nu) if n),
         _runs(lookup.signals, grid, step),
     )  # fmt: skip
+
+
+def _check_units(y: Array, h: float, eta: str, nu: str) -> None:
+    """Refuse angles or rates in degrees: a pitch beyond pi/2, or angles that do not fit rates."""
+    pitch = np.abs(y[4])
+    if np.nanmax(pitch, initial=0.0) > _PITCH:
+        raise InputInvalid(
+            f"{eta}[5] (pitch) reaches {np.nanmax(pitch):.3g}",
+            "radians, at most pi/2; in a CSV, a line of units may say deg",
+        )
+    change = np.diff(y[5]) / h
+    rate = 0.5 * (y[11, 1:] + y[11, :-1])
+    # Steady turns; a change of the yaw angle by 2 pi (or 360) is none.
+    seen = np.isfinite(change) & np.isfinite(rate)
+    seen &= np.abs(change) < 10.0 * np.nanmedian(np.abs(change[seen])) if seen.any() else seen
+    power = float(np.sum(rate[seen] ** 2))
+    if seen.sum() < 20 or power == 0.0:
+        return
+    slope = float(np.sum(change[seen] * rate[seen]) / power)
+    fit = slope * np.sqrt(power / max(float(np.sum(change[seen] ** 2)), 1e-300))  # correlation
+    if abs(fit) > 0.7 and not 0.1 < abs(slope) < 10.0:
+        wrong = f"{eta}[6]" if abs(slope) > 1.0 else f"{nu}[6]"
+        raise InputInvalid(
+            f"the yaw angle changes by {slope:.3g} times the yaw rate, as if {wrong} were in "
+            "degrees",
+            "rad and rad/s; in a CSV, a line of units may say deg or deg/s",
+        )
 
 
 def _runs(signals: Signals, grid: Array, h: float) -> tuple[tuple[int, int], ...]:
@@ -351,11 +380,12 @@ def _simulated(
     p = f.values_of("parameter", parameters)
     d = f.derived(p)
     usual = f.values_of("input", {})
-    rows = []
+    rows: list[Array] = []
+    place = 0
     for v in model.of_kind("input"):
-        at = sum(len(r) for r in rows)
-        start = np.repeat(usual[at : at + v.size, None], len(t), axis=1)
+        start = np.repeat(usual[place : place + v.size, None], len(t), axis=1)
         rows.append(inputs.get(v.name, start))
+        place += v.size
     u = np.vstack(rows) if rows else np.zeros((0, len(t)))
     x_0 = np.array(f.initial(p, d))
     states = np.repeat(x_0, len(t), axis=1)
