@@ -71,6 +71,64 @@ def test_expressions_of_shipped_tasks_have_the_bits_of_their_numpy_form(name: st
     envs.close()
 
 
+@pytest.mark.parametrize("n", [1, 11])
+def test_compiled_observations_have_the_bits_of_the_box(n: int) -> None:
+    envs = CosimVectorEnv(StationKeeping(region=0.5, away=2.0), n)
+    simulation, clipped = envs._simulation, 0
+    assert simulation is not None
+    given, _ = envs.reset(seed=3)
+    for _ in range(5):
+        m = simulation.episodes.moment
+        extra = simulation._given("extra", m)
+        wanted = simulation.observation_box.of(m.values, extra)
+        assert (given.dtype, given.shape) == (wanted.dtype, wanted.shape)
+        assert given.tobytes() == wanted.tobytes()
+        assert given.flags.c_contiguous
+        clipped += int((given == simulation.observation_box.high).sum())
+        given = envs.step(np.ones((n, 6)))[0]
+    assert clipped
+    envs.close()
+
+
+class Unlimited(Task):
+    """Observe a number that may be beyond its limits."""
+
+    number = 7.0
+
+    def expressions(self, m: Any) -> Mapping[str, Any]:
+        return {"extra": ca.vertcat(self.number + 0.0 * m["hull.eta"][0], -5.0, 0.25)}
+
+    @property
+    def extra_limits(self) -> tuple[Any, Any]:
+        return [-2.0, -3.0, -1.0], [2.0, 3.0, 1.0]
+
+
+def unlimited(number: float) -> Unlimited:
+    task = Unlimited(
+        uuv.load("bluerov2_task"),
+        actions=[Channel("allocation.tau_d[3]", -100, 100, "N")],
+        observations=[],
+        signals=["hull.eta"],
+        action_step="0.1",
+        horizon=1,
+    )
+    task.number = number
+    return task
+
+
+def test_compiled_observations_are_clipped() -> None:
+    env = CosimEnv(unlimited(7.0))
+    assert env.reset(seed=0)[0].tolist() == [2.0, -3.0, 0.25]
+    env.close()
+
+
+def test_compiled_observations_that_are_not_finite_are_refused() -> None:
+    env = CosimEnv(unlimited(np.nan))
+    with pytest.raises(InputInvalid, match=r"extra\(\)\[:, 0\].*finite"):
+        env.reset(seed=0)
+    env.close()
+
+
 def plain(task: type[Task] | type[TeamTask], **options: Any) -> Any:
     """Return a task whose environment calls the methods in NumPy."""
     return type("Plain", (task,), {"expressions": lambda self, m: None})(**options)

@@ -8,6 +8,7 @@ environments and on every machine.
 
 from __future__ import annotations
 
+import ctypes
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import lru_cache
@@ -241,6 +242,14 @@ class Evaluated:
         self._c = _compiled(f, self._n_in, self._n_out)
         self._rows: tuple[Signals | None, list[Any]] = (None, [])
         self._last: tuple[Moment | None, Results] = (None, {})
+        self._wanted = _Rows()  # the whole observation of a task, if it is `extra`
+        for path, at, size, _ in self._leaves:
+            if path == ("extra",) and not getattr(task, "observations", True):
+                given = getattr(task, "extra_limits", ())
+                self._limits = [np.ascontiguousarray(e, np.float32).ravel() for e in given]
+                if all(len(e) == size for e in self._limits):
+                    self._wanted = _Rows(at, size, *map(_address, self._limits))
+        self._written: NDArray[np.float32] | None = None
 
     def of(self, m: Moment) -> Results:
         """Return the results at a moment, with the keys of the expressions: (n,) or (n, k)."""
@@ -265,11 +274,22 @@ class Evaluated:
             address[where] = elements * values.strides[1] + _address(values)
             stride[where] = values.strides[0]
         out = np.empty((self._n_out, n))
-        first = _address(table)
-        self._c(first, first + table.strides[0], _address(out), n)
+        first, wanted = _address(table), self._wanted
+        written = np.empty((n, wanted.count), np.float32)
+        wanted.rows, wanted.finite = _address(written), 1
+        self._c(first, first + table.strides[0], _address(out), n, wanted.address)
+        self._written = written if wanted.address and wanted.finite else None
         results = self._results(out)
         self._last = m, results
         return results
+
+    def observations(self, m: Moment) -> NDArray[np.float32] | None:
+        """Return the observations at a moment, clipped, (n, width).
+
+        None if the task also has `observations`, or if a number is not finite.
+        """
+        self.of(m)
+        return self._written
 
     def _inside(self, signals: Signals) -> list[tuple[str, slice, NDArray[np.int64]]]:
         """Return the places of arguments that are in the values of an instant, and their rows."""
@@ -327,6 +347,23 @@ class Evaluated:
         return results
 
 
+class _Rows(ctypes.Structure):
+    """`uuv_rows` of fmus/kernels/uuv_lane_arrays.h."""
+
+    _fields_ = (
+        ("first", ctypes.c_int64),
+        ("count", ctypes.c_int64),
+        ("least", ctypes.c_void_p),
+        ("greatest", ctypes.c_void_p),
+        ("rows", ctypes.c_void_p),
+        ("finite", ctypes.c_int64),
+    )
+
+    def __init__(self, *values: int) -> None:
+        super().__init__(*values)
+        self.address = ctypes.addressof(self) if values else 0
+
+
 def _address(array: NDArray[Any]) -> int:
     address: int = array.__array_interface__["data"][0]
     return address
@@ -334,8 +371,6 @@ def _address(array: NDArray[Any]) -> int:
 
 def _compiled(f: Any, n_in: int, n_out: int) -> Callable[..., None]:
     """Compile a function of one column into one on arrays (fmus/kernels/uuv_lane_arrays.h)."""
-    import ctypes
-
     from uuvsim_cosim.fmus.codegen.emit_c import emit_function
     from uuvsim_cosim.fmus.codegen.toolchain import load_library
     from uuvsim_cosim.kernels.codegen.program import compiled, processor_flags
@@ -355,7 +390,7 @@ def _compiled(f: Any, n_in: int, n_out: int) -> Callable[..., None]:
     )
     path = compiled("expressions", text, ("-DUUV_W=8", "-Wno-psabi", *processor_flags(False)))
     pointer = ctypes.c_void_p
-    signature = (None, [pointer, pointer, pointer, ctypes.c_int64])
+    signature = (None, [pointer, pointer, pointer, ctypes.c_int64, pointer])
     c = load_library(path, {"uuv_evaluate": signature})
     function: Callable[..., None] = c.uuv_evaluate
     return function
@@ -419,6 +454,12 @@ class Given:
             return self._evaluated.of(m)[method]
         return getattr(self._task, method)(m)
 
+    def observations(self, m: Moment) -> NDArray[np.float32] | None:
+        """Return the whole observations at a moment if they are compiled, clipped, (n, width)."""
+        if self._evaluated is None or "extra" not in self._declared:
+            return None
+        return self._evaluated.observations(m)
+
 
 def results_of(task: Any, m: Moment, name: str) -> Any:
     """Return the compiled result of a method of a task at a moment, or None if it has none.
@@ -470,7 +511,7 @@ def sin_cos(angles: Array) -> tuple[Array, Array]:
     flat = np.ascontiguousarray(angles, float).reshape(-1)
     places = np.array([_address(flat), flat.itemsize], np.int64)
     out = np.empty((2, len(flat)))
-    function(_address(places), _address(places) + 8, _address(out), len(flat))
+    function(_address(places), _address(places) + 8, _address(out), len(flat), 0)
     return out[0].reshape(angles.shape), out[1].reshape(angles.shape)
 
 
