@@ -171,7 +171,10 @@ def test_gains_for_products_of_inertia_of_the_other_sign_are_refused() -> None:
 
 
 def test_small_differences_of_places_and_products_are_no_mismatch(tmp_path: Path) -> None:
-    own = with_line(tmp_path, "z_b: {value: -0.01,", "z_b: {value: -0.0108,")
+    """0.8 mm, and 0.5 % of the mean of the moments of inertia about the two axes."""
+    product = "I_b_12: {value: 0.002, unit: kg.m2, source: a test}"
+    new = f"{product}\n      z_b: {{value: -0.0108,"
+    own = with_line(tmp_path, "z_b: {value: -0.01,", new)
     assert not refused(load("bluerov2_hold").replace("hull", own))
 
 
