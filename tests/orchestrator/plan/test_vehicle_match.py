@@ -247,6 +247,22 @@ def test_a_python_class_states_its_vehicle(tmp_path: Path) -> None:
     assert "made for bluerov2_heavy@wu_2018" in found["controller"]
 
 
+def test_a_component_for_a_vehicle_without_files_is_refused(tmp_path: Path) -> None:
+    """Its figures are not known, so that nothing shows that they are those of the hull."""
+    file = tmp_path / "law.py"
+    file.write_text("""class Law:
+    inputs = {"eta_d": 6, "nu_d": 6, "eta": 6, "nu": 6}
+    outputs = {"tau_d": 6}
+    vehicle = "their_rov"
+    def step(self, t, dt, u):
+        return {"tau_d": [0.0] * 6}
+""")
+    text = refused(load("bluerov2_hold").replace("controller", f"{file}:Law"))["controller"]
+    assert text.startswith(
+        "controller: made for their_rov, but hull is bluerov2_heavy: nothing here"
+    )
+
+
 def test_a_preset_without_a_vehicle_fits_any(tmp_path: Path) -> None:
     text = content("models", "controllers", "bluerov2_pid", "controller.yaml").read_text()
     own = tmp_path / "own.yaml"
