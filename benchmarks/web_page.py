@@ -2,15 +2,16 @@
 
 The native figure is that of the same system as a kernel of one lane for every processor, which is
 the same C. All three are measured in turn, by the CPU time of their processes; the medians are
-printed. The figure of Chromium is the difference of two runs of the whole browser, of which one
-makes fewer steps, so that its start is not counted; the start varies by 0.5 s, so that the longer
-one makes three times the steps of the others. Its hash must be that of node. `--uncached` compiles
-the module again.
+printed. The figure of Chromium is the difference of two runs of the whole browser with all its
+processes, of which one makes fewer steps, so that its start is not counted; the start varies by
+0.5 s, so that the longer one makes three times the steps of the others. Its hash must be that of
+node. `--uncached` compiles the module again. The CPU time of a browser is read from /proc (Linux).
 """
 
 from __future__ import annotations
 
 import argparse
+import contextlib
 import os
 import re
 import resource
@@ -19,6 +20,7 @@ import statistics
 import subprocess
 import tempfile
 import time
+from collections.abc import Iterator
 from pathlib import Path
 
 import uuvsim_cosim as uuv
@@ -54,14 +56,35 @@ def native_seconds(kernel: uuv.Kernel, steps: int) -> float:
 
 def chromium_seconds(browser: str, page: Path, steps: int) -> tuple[float, str]:
     """Return the CPU time of a browser that opens the page and makes steps, and its hash."""
-    before = of_children()
-    with tempfile.TemporaryDirectory() as profile:
+    used: dict[int, float] = {}  # by process: it is gone at the end, so it is read while it runs
+    with tempfile.TemporaryDirectory() as profile, tempfile.TemporaryFile("w+") as shown:
         address = f"{page.as_uri()}#steps={steps}"
         command = [browser, *FLAGS, f"--user-data-dir={profile}", address]
-        done = subprocess.run(command, check=True, capture_output=True, text=True)
-    found = re.search(r'id="hash">(\w+)<', done.stdout)
+        with subprocess.Popen(command, stdout=shown, stderr=subprocess.DEVNULL) as process:
+            while process.poll() is None:
+                used |= dict(of_tree(process.pid))
+                time.sleep(0.05)
+        shown.seek(0)
+        found = re.search(r'id="hash">(\w+)<', shown.read())
     assert found is not None, "the page shows no hash"
-    return of_children() - before, found[1]
+    return sum(used.values()), found[1]
+
+
+def of_tree(root: int) -> Iterator[tuple[int, float]]:
+    """Yield the processes below one and itself, each with its CPU time [s]."""
+    parents, seconds = {}, {}
+    for stat in Path("/proc").glob("[0-9]*/stat"):
+        with contextlib.suppress(OSError):
+            fields = stat.read_text().rpartition(")")[2].split()
+            pid = int(stat.parent.name)
+            parents[pid] = int(fields[1])
+            seconds[pid] = (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+    for pid, own in seconds.items():
+        above = pid
+        while above not in (0, root):
+            above = parents.get(above, 0)
+        if above == root:
+            yield pid, own
 
 
 def chromium_rate(browser: str, page: Path, compiled: WebAssembly, steps: int) -> float:
