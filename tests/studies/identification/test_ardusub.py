@@ -17,7 +17,6 @@ from uuvsim_cosim.studies.identification.logs import read_log
 
 # u = -d (w - 1500) / 400 with the directions of ROV
 U = [1.0, -1.0, -0.5, -0.5, 0.0, -0.25]
-UNAIDED = 65767  # constant-position mode
 
 
 def mean(values: Any) -> list[float]:
@@ -72,16 +71,25 @@ def test_attitude_position_and_rates_are_in_si_units(write: Any, tmp_path: Path)
     assert np.nanmean(signals["voltage"]) == pytest.approx(15.8)
 
 
+def test_other_components_with_clocks_of_their_own_are_not_read(tmp_path: Path) -> None:
+    assert "range" not in read_log(tlog(tmp_path / "1.tlog"))
+
+
 def test_each_message_keeps_its_own_time(tmp_path: Path) -> None:
     signals = read_log(dataflash(tmp_path / "1.BIN"))
     assert signals.time[np.isfinite(signals["eta"][:, 3])][0] == pytest.approx(0.02)
     assert signals.time[np.isfinite(signals["nu"][:, 3])][0] == pytest.approx(0.04)
 
 
-def test_an_estimator_without_aiding_gives_no_horizontal_position(tmp_path: Path) -> None:
-    signals = read_log(dataflash(tmp_path / "1.BIN", status=UNAIDED))
-    assert np.isnan(signals["eta"][:, :2]).all()
-    assert np.isnan(signals["nu"][:, :2]).all()
+@pytest.mark.parametrize(
+    ("status", "aided"), [(65767, False), (0, False), (1 << 3 | 1 << 7, False), (1 << 3, True)]
+)
+def test_an_estimator_without_aiding_gives_no_horizontal_position(
+    status: int, aided: bool, tmp_path: Path
+) -> None:
+    signals = read_log(dataflash(tmp_path / "1.BIN", status=status))
+    assert np.isfinite(signals["eta"][:, :2]).any() == aided
+    assert np.isfinite(signals["nu"][:, :2]).any() == aided
     assert np.nanmean(signals["eta"][:, 2]) == pytest.approx(5.0)
 
 
