@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import pytest
+import wasmtime
 
 from uuvsim_cosim.errors import FmuError
 from uuvsim_cosim.fmus.sandbox.host import Host, define_imports
-
-wasmtime = pytest.importorskip("wasmtime")
 
 
 def imports_of(*names: str) -> tuple[object, list[object]]:
