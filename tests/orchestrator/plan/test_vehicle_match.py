@@ -185,6 +185,13 @@ def test_values_that_a_user_sets_are_deliberate() -> None:
     assert not refused(jets)
 
 
+def test_an_inertia_that_a_user_sets_in_a_controller_is_deliberate(tmp_path: Path) -> None:
+    own = with_line(tmp_path, "m: {value: 13.5,", "m: {value: 14.5,")
+    hold = load("bluerov2_hold").replace("hull", own).set("controller.Kp", [1.0] * 6)
+    assert "inertia with added mass of surge" in refused(hold)["controller"]
+    assert not refused(hold.set("controller.M_ff", [20.86, 21.6, 33.2, 0.449, 0.365, 0.592]))
+
+
 def test_another_thruster_below_an_allocation_is_refused() -> None:
     hold = load("bluerov2_hold")
     found = refused(hold.replace("thruster_1", "model:thruster_jet"))
