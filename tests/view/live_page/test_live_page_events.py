@@ -352,6 +352,7 @@ def test_a_page_in_the_background_reports_that_it_stood_still(
     document.dispatchEvent(new Event("visibilitychange"));
     const notice = find("#notice").textContent;
     while (line.steps <= at + 10) await wait();
+    page.pause();  // or the browser draws until its time is over
     return [still, notice];
     """
     still, notice = on_page(tmp_path, pages["bluerov2_hold"], script)
