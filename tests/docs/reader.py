@@ -188,7 +188,7 @@ class Reader:
         elif block.language == "matlab":
             self.output = self._in_octave(text, place)
         else:
-            assert block.language in ("text", "{toctree}", "{gallery}"), (
+            assert block.language in ("text", "{toctree}", "{gallery}", "{live-vehicle}"), (
                 f"{place}: nothing says what a block of language {block.language!r} is for"
             )
 
