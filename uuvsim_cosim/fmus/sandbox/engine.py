@@ -18,6 +18,7 @@ from weakref import WeakSet
 
 from uuvsim_cosim.cache import cache_dir, content_hash, intact, keep
 from uuvsim_cosim.errors import FmuError, ToolchainError
+from uuvsim_cosim.fmus.isolation.guard import guard_library
 
 if TYPE_CHECKING:
     from wasmtime import Engine, Module
@@ -47,6 +48,9 @@ def engine() -> Engine:
     require_wasmtime()
     from wasmtime import Config, Engine
 
+    # The handlers of signals that wasmtime installs with its engine must come after those of the
+    # guard: they are then called first, keep the traps, and pass only real crashes on.
+    guard_library()
     config = Config()
     config.epoch_interruption = True
     config.wasm_relaxed_simd = False
