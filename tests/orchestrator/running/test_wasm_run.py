@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from tests.conftest import FOREIGN, SourceFmu
 from uuvsim_cosim.errors import ComponentFailed, FmuError, InputInvalid
 from uuvsim_cosim.orchestrator.master.isolation import isolations
 from uuvsim_cosim.orchestrator.recording.recording_reader import read_signals
@@ -79,6 +81,22 @@ def test_a_component_that_is_named_must_be_able_to(first_order_fmi3: Path, tmp_p
     with pytest.raises(InputInvalid, match="component of the kind Python; expected an FMU"):
         run(system, until=0.1, out=tmp_path / "r", isolate=["law=wasm"])
     with pytest.raises(FmuError, match="cannot run as WebAssembly"):
+        run(system, until=0.1, out=tmp_path / "r", isolate=["plant=wasm"])
+
+
+def test_sources_that_webassembly_cannot_have_run_in_a_process_or_name_it(
+    source_fmu: SourceFmu, tmp_path: Path
+) -> None:
+    code = b"#include <unistd.h>\nint x(void) { return fork(); }\nint y(void) { return fork(); }\n"
+    code += (FOREIGN / "runaway_fmi3.c").read_bytes()
+    forks = source_fmu("runaway_fmi3.c", "hostile", "hostile_fmi3.xml", code)
+    system = System("s", "0.01").add("plant", str(forks))
+    first = r"\S+\.c:2:22: error: call to undeclared function 'fork'"
+    done = run(system, until=0.1, out=tmp_path / "r", isolate=["wasm"])
+    (named,) = [text for text in done.warnings if "is no WebAssembly" in text]
+    expected = rf"plant \(its sources do not compile: {first}\) is no WebAssembly: it has its own"
+    assert re.search(expected, named)
+    with pytest.raises(FmuError, match=rf"to WebAssembly: {first}; expected .*`--isolate NAME`"):
         run(system, until=0.1, out=tmp_path / "r", isolate=["plant=wasm"])
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Iterable
 from pathlib import Path
+from typing import Literal
 
 from uuvsim_cosim.fmus.component import Component
 from uuvsim_cosim.fmus.importer.fmu2 import Fmu2
@@ -19,8 +20,18 @@ from uuvsim_cosim.fmus.isolation.guard import guard_library
 from uuvsim_cosim.fmus.isolation.isolated import Isolated
 from uuvsim_cosim.fmus.model_exchange.component import ModelExchange
 from uuvsim_cosim.fmus.sandbox.sandbox import instantiate_sandboxed, only_web_assembly
+from uuvsim_cosim.fmus.sandbox.sources import NoWebAssembly
 
-__all__ = ["instantiate_fmu", "instantiate_isolated", "needs_own_process"]
+__all__ = [
+    "Isolation",
+    "instantiate_fmu",
+    "instantiate_isolated",
+    "instantiate_limited",
+    "needs_own_process",
+]
+
+# "preferred": as WebAssembly if the FMU can, otherwise in a separate process.
+Isolation = Literal["process", "wasm", "preferred"]
 
 
 def instantiate_fmu(
@@ -98,6 +109,33 @@ def instantiate_isolated(
         wait=wait,
         rules=rules,
     )
+
+
+def instantiate_limited(
+    archive: FmuArchive,
+    path: str,
+    way: Isolation,
+    *,
+    watchdog: float | None = None,
+    grants: Iterable[str] = (),
+) -> Component:
+    """Instantiate an FMU as WebAssembly or in a process that is a sandbox, by its `way`.
+
+    If "preferred" takes the process, the component's `lacking` has the reason. It does not wait for
+    the start of a process.
+    """
+    why = ""
+    if way != "process":
+        try:
+            return instantiate_sandboxed(archive, path, watchdog=watchdog, grants=grants)
+        except NoWebAssembly as error:
+            if way == "wasm" or only_web_assembly(archive):
+                raise
+            why = error.why
+    made = instantiate_isolated(archive, path, watchdog=watchdog, grants=grants, wait=False)
+    if why:
+        made.lacking.append(f"{path} ({why}) is no WebAssembly: it has its own process")
+    return made
 
 
 def instantiate_here(archive: FmuArchive, path: str, logging_on: bool = True) -> Component:

@@ -12,6 +12,7 @@ from uuvsim_cosim.fmus.export.web_assembly import MANIFEST, component_file, mani
 from uuvsim_cosim.fmus.importer.read_description import read_fmu
 from uuvsim_cosim.fmus.importer.safe_xml import read_xml
 from uuvsim_cosim.fmus.importer.source_code import compilation_of
+from uuvsim_cosim.fmus.sandbox.sources import first_error
 
 __all__ = ["add_web_assembly"]
 
@@ -40,7 +41,9 @@ def add_web_assembly(fmu: Path, target: Path) -> Path:
             flags=[flag for flag in given.flags if not flag.startswith("-l")],
         )
     except ToolchainError as error:
-        raise FmuError(f"{fmu}: its sources do not compile to WebAssembly: {error}") from None
+        raise FmuError(
+            f"{fmu}: its sources do not compile to WebAssembly: {first_error(error)}"
+        ) from None
     with zipfile.ZipFile(fmu) as zipped:
         members = {i.filename: zipped.read(i) for i in zipped.infolist() if not i.is_dir()}
     members[f"binaries/{WASM32.fmi3}/{archive.model_identifier}.wasm"] = component.read_bytes()

@@ -10,8 +10,8 @@ import time
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
-from uuvsim_cosim.errors import FmuError
 from uuvsim_cosim.fmus.isolation.grants import size_text
+from uuvsim_cosim.fmus.sandbox.sources import NoWebAssembly
 
 if TYPE_CHECKING:
     from wasmtime import Caller, ImportType, Linker, Memory
@@ -158,7 +158,7 @@ class Host:
 
 
 def define_imports(linker: Linker, host: Host, imports: list[ImportType], place: str) -> None:
-    """Define the functions that a module imports; raises FmuError for unknown ones."""
+    """Define the functions that a module imports; raises NoWebAssembly for unknown ones."""
     from wasmtime import FuncType
 
     unknown = []
@@ -171,7 +171,7 @@ def define_imports(linker: Linker, host: Host, imports: list[ImportType], place:
         function = _function(host, name if own is None else own)
         linker.define_func(module, name, kind, function, access_caller=True)
     if unknown:
-        raise FmuError(
+        raise NoWebAssembly(
             place,
             f"its WebAssembly imports {', '.join(unknown)}, which the sandbox does not have",
             "a module that imports no more than WASI",

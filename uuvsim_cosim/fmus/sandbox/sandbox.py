@@ -24,14 +24,9 @@ from uuvsim_cosim.fmus.sandbox.host import Host
 from uuvsim_cosim.fmus.sandbox.library import SandboxLibrary
 from uuvsim_cosim.fmus.sandbox.sources import module_of_sources
 
-__all__ = ["can_be_sandboxed", "component_path", "instantiate_sandboxed", "only_web_assembly"]
+__all__ = ["component_path", "instantiate_sandboxed", "only_web_assembly"]
 
 _MARK = b"uuv_guest_fmi3"  # a function that modules of this package export
-
-
-def can_be_sandboxed(archive: FmuArchive) -> bool:
-    """Return whether an FMU comes with what a sandbox of WebAssembly can run."""
-    return archive.sources is not None or component_path(archive) is not None
 
 
 def only_web_assembly(archive: FmuArchive) -> bool:
@@ -78,8 +73,8 @@ def instantiate_sandboxed(
     """Instantiate an FMU's WebAssembly, or its C sources compiled to it, as the component `path`.
 
     A call that takes longer than `watchdog` [s] is interrupted. `grants` may only contain
-    ``memory:SIZE``, of which a module has at most 4 GiB. Raises FmuError for an FMU that has
-    neither, ToolchainError without wasmtime, and InputInvalid for other grants.
+    ``memory:SIZE``, of which a module has at most 4 GiB. Raises NoWebAssembly for an FMU that
+    cannot, ToolchainError without wasmtime, and InputInvalid for other grants.
     """
     require_wasmtime()
     if watchdog is not None:

@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
-from typing import Literal
+from typing import TYPE_CHECKING
 
 from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.models.declaration.near_names import expected_names
 
-__all__ = ["WASM", "Isolation", "isolations"]
+if TYPE_CHECKING:
+    from uuvsim_cosim.fmus.instantiation.instantiate import Isolation
+
+__all__ = ["WASM", "isolations"]
 
 WASM = "wasm"
-# "preferred": as WebAssembly if the component can, otherwise in a separate process.
-Isolation = Literal["process", "wasm", "preferred"]
 
 
 def isolations(isolate: Collection[str], paths: Sequence[str]) -> Mapping[str, Isolation]:

@@ -13,13 +13,14 @@ from uuvsim_cosim.fmus.isolation.grants import Grants
 from uuvsim_cosim.fmus.isolation.isolated import Isolated
 from uuvsim_cosim.models.declaration.near_names import expected_names
 from uuvsim_cosim.notebook_bar import Progress
-from uuvsim_cosim.orchestrator.master.isolation import Isolation, isolations
+from uuvsim_cosim.orchestrator.master.isolation import isolations
 from uuvsim_cosim.orchestrator.plan.plan import Plan, PlannedComponent
 from uuvsim_cosim.orchestrator.system.resolve import resolve
 from uuvsim_cosim.orchestrator.system.sources import Backend, FmuSource, ModelSource
 from uuvsim_cosim.share import compute_in_threads
 
 if TYPE_CHECKING:
+    from uuvsim_cosim.fmus.instantiation.instantiate import Isolation
     from uuvsim_cosim.fmus.tracing.trace import Trace
 
 __all__ = ["instance_of", "prepare"]
@@ -88,30 +89,25 @@ def prepare(
         if way != "process":
             if isinstance(source, ModelSource):
                 source = FmuSource(source.fmu())
-            if isinstance(source, FmuSource) and (way == "wasm" or source.can_be_sandboxed()):
-                return source.sandboxed(planned.path, watchdog, texts)
-            if way == "wasm":
+            if way == "wasm" and not isinstance(source, FmuSource):
                 raise InputInvalid(
                     f"isolate {planned.path}=wasm",
                     f"a component of the kind {source.kind}",
                     "an FMU",
                 )
-        made: Isolated
         if isinstance(source, FmuSource):
-            made = source.isolated(planned.path, watchdog, texts)
-        else:
-            made = Isolated(
-                planned.path,
-                source.describe(),
-                instance_of,
-                (text, planned.path, backend),
-                watchdog=watchdog,
-                wait=False,
-            )
+            return source.limited(planned.path, way, watchdog, texts)
+        made = Isolated(
+            planned.path,
+            source.describe(),
+            instance_of,
+            (text, planned.path, backend),
+            watchdog=watchdog,
+            wait=False,
+        )
         if way == "preferred":
-            what = "an FMU without C sources" if isinstance(source, FmuSource) else source.kind
             made.lacking.append(
-                f"{planned.path} ({what}) is no WebAssembly: it has its own process"
+                f"{planned.path} ({source.kind}) is no WebAssembly: it has its own process"
             )
         return made
 

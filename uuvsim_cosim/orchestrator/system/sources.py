@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from uuvsim_cosim.fmus.codegen.lowering import Lowered
     from uuvsim_cosim.fmus.codegen.native import Native
     from uuvsim_cosim.fmus.importer.read_description import FmuArchive
-    from uuvsim_cosim.fmus.isolation.isolated import Isolated
+    from uuvsim_cosim.fmus.instantiation.instantiate import Isolation
     from uuvsim_cosim.fmus.tracing.trace import Trace
     from uuvsim_cosim.models.declaration.model import Model
 
@@ -108,25 +108,13 @@ class FmuSource:
 
         return instantiate_fmu(_archive(self), path)
 
-    def isolated(self, path: str, watchdog: float | None, grants: Iterable[str]) -> Isolated:
-        """Make an instance in a process that is a sandbox, without waiting for its start."""
-        from uuvsim_cosim.fmus.instantiation.instantiate import instantiate_isolated
+    def limited(
+        self, path: str, way: Isolation, watchdog: float | None, grants: Iterable[str]
+    ) -> Component:
+        """Make an instance as WebAssembly, or in a process that is a sandbox."""
+        from uuvsim_cosim.fmus.instantiation.instantiate import instantiate_limited
 
-        return instantiate_isolated(
-            _archive(self), path, watchdog=watchdog, grants=grants, wait=False
-        )
-
-    def can_be_sandboxed(self) -> bool:
-        """Return whether the FMU comes with C sources or WebAssembly."""
-        from uuvsim_cosim.fmus.sandbox.sandbox import can_be_sandboxed
-
-        return can_be_sandboxed(_archive(self))
-
-    def sandboxed(self, path: str, watchdog: float | None, grants: Iterable[str]) -> Component:
-        """Make an instance as WebAssembly in this process."""
-        from uuvsim_cosim.fmus.sandbox.sandbox import instantiate_sandboxed
-
-        return instantiate_sandboxed(_archive(self), path, watchdog=watchdog, grants=grants)
+        return instantiate_limited(_archive(self), path, way, watchdog=watchdog, grants=grants)
 
     def traced(self, path: str, trace: Trace) -> Component:
         """Make an instance in this process that writes each of its calls."""
