@@ -96,6 +96,26 @@ def test_a_page_runs_pauses_and_begins_again(page: str, tmp_path: Path) -> None:
     assert in_page(tmp_path, page, script) == ["pause", "run", True, 0, True]
 
 
+def test_a_pause_shows_the_step_the_hash_and_the_values_that_were_reached(
+    page: str, tmp_path: Path
+) -> None:
+    script = """
+    const { system, line } = page, find = s => document.querySelector(s);
+    const now = () => `t = ${system.time.toFixed(2)} s, ${system.steps} steps`;
+    const seen = () => find("#time").textContent, found = [];
+    line.add({ at: 20, name: "controller.Kp", element: 0, value: 60 });
+    for (let k = 0; k < 3; k++) {
+      find("#run").click();
+      while (system.steps < 30 * (k + 1) || seen() === now()) await wait();  // the display is old
+      find("#run").click();
+      found.push(seen() === now(), find("#hash").textContent === system.hash);
+    }
+    const field = find("input[type=number][aria-label^='controller.Kp Kp[1]']");
+    return [found, field.value];
+    """
+    assert in_page(tmp_path, page, script) == [[True] * 6, "60"]
+
+
 def test_a_browser_without_web_assembly_is_told_so(page: str, tmp_path: Path) -> None:
     without = page.replace("<head>", "<head><script>delete window.WebAssembly</script>")
     script = (

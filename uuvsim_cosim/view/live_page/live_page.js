@@ -53,7 +53,11 @@
   // ---- run, pause, step ----
   const SLICE = 14;  // ms of a frame for computing
   let running = false, last = 0, owed = 0, began = [0, 0];
-  function pause() { running = false; find("#run").textContent = "run"; find("#rate").textContent = ""; }
+  function pause() {
+    const was = running;
+    running = false; find("#run").textContent = "run"; find("#rate").textContent = "";
+    if (was) refresh();  // what is shown is up to 80 ms old
+  }
   function run() {
     if (line.failure) return;
     notice(""); running = true; last = performance.now(); owed = 0; began = [last, system.time];
