@@ -202,6 +202,30 @@ def test_steps_back_restore_the_earlier_bits_with_faults_and_the_hash_on_the_way
     assert on_page(tmp_path, pages["bluerov2_survey"], script) == [True, True, True]
 
 
+def test_a_fault_is_listed_with_the_units_of_all_elements_on_which_it_acts(
+    tmp_path: Path, pages: dict[str, str]
+) -> None:
+    script = """
+    const units = [], signals = ["hull.eta", "hull.eta[3]", "hull.eta[4]", "compass.psi"];
+    for (const signal of signals) {
+      find("#fault-signal").value = signal; find("#fault-signal").oninput();
+      find("#fault-value").value = "0.5";
+      units.push(find("#fault-unit").textContent);
+      find("#fault-add").click();
+    }
+    find("#fault-signal").value = "hull.eta"; find("#fault-kind").value = "delay";
+    find("#fault-add").click();
+    const listed = [...document.querySelectorAll("#happens .event span:nth-child(2)")];
+    return [units, listed.map(e => e.textContent)];
+    """
+    units, listed = on_page(tmp_path, pages["bluerov2_survey"], script)
+    assert units == ["m, rad", "m", "rad", "rad"]
+    assert listed == [
+        "hull.eta: bias 0.5 m, 0.5 rad", "hull.eta[3]: bias 0.5 m", "hull.eta[4]: bias 0.5 rad",
+        "compass.psi: bias 0.5 rad", "hull.eta: delay 0.5 s",
+    ]  # fmt: skip
+
+
 def test_a_removed_event_leaves_the_run_that_never_had_it(
     tmp_path: Path, pages: dict[str, str]
 ) -> None:

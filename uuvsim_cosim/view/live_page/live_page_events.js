@@ -4,12 +4,13 @@ function eventsCard(page) {
   const pad = k => k.toString().padStart(2, "0");
   // ---- add a fault ----
   const signal = find("#fault-signal"), kind = find("#fault-kind"), value = find("#fault-value"), unit = find("#fault-unit"), lasts = find("#fault-lasts");
+  const unitsOf = (row, element) => row.units.length < 2 ? row.units : element === null ? [...new Set(row.units)] : [row.units[element]];
   const read = () => {
     const [, name, k] = signal.value.trim().match(/^(.*?)(?:\[(\d+)\])?$/);
     return { name, element: k ? k - 1 : null, row: (line.signals.get(name) || {}).row };
   };
   function units() {
-    const { row, element } = read(), of = row && (row.units.length > 1 ? row.units[element ?? 0] : row.units[0]);
+    const { row, element } = read(), of = row && unitsOf(row, element).filter(u => u !== "1").join(", ");
     value.disabled = kind.value === "freeze";
     unit.textContent = { override: of, bias: of, scale: "factor", delay: "s", drop: "probability", freeze: "" }[kind.value] || "";
   }
@@ -26,10 +27,10 @@ function eventsCard(page) {
   const time = point => `${shown(point * line.system.tick)} s`;
   function text(e) {
     const row = e.kind ? line.signals.get(e.signal).row : line.system.rows.get(e.name);
-    const place = e.element === null ? e.signal : line.system.place(row, e.element), u = row.units.length > 1 ? row.units[e.element ?? 0] : row.units[0];
-    const suffix = u && u !== "1" ? ` ${u}` : "";
-    if (!e.kind) return `${place} = ${shown(e.value)}${suffix}`;
-    return `${place}: ${e.kind}${e.kind === "freeze" ? "" : ` ${shown(e.value)}${/override|bias/.test(e.kind) ? suffix : e.kind === "delay" ? " s" : ""}`}`;
+    const place = e.element === null ? e.signal : line.system.place(row, e.element), number = shown(e.value);
+    const values = () => unitsOf(row, e.element).map(u => u && u !== "1" ? `${number} ${u}` : number).join(", ") || number;
+    if (!e.kind) return `${place} = ${values()}`;
+    return `${place}: ${e.kind}${e.kind === "freeze" ? "" : ` ${/override|bias/.test(e.kind) ? values() : e.kind === "delay" ? `${number} s` : number}`}`;
   }
   const MOST = 200;
   function row(at, words, buttons, isNow) {
