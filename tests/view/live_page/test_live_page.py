@@ -45,7 +45,7 @@ def test_a_browser_shows_the_hash_of_the_native_components(page: str, tmp_path: 
     ("link", "steps", "read"),
     [("steps=20&theme=dark", 20, ""), ("steps=ten", 0, "steps=ten"),
      ("steps=1e99", 0, "steps=1e99"), ("theme=pink&steps=20", 20, "theme=pink"),
-     ("stepz=5", 0, "stepz=5"), ("constructor=1", 0, "constructor=1")],
+     ("speed=3", 0, "speed=3"), ("stepz=5", 0, "stepz=5"), ("constructor=1", 0, "constructor=1")],
 )  # fmt: skip
 def test_what_a_link_asks_is_done_and_what_is_damaged_is_named(
     page: str, tmp_path: Path, link: str, steps: int, read: str
@@ -57,6 +57,7 @@ def test_what_a_link_asks_is_done_and_what_is_damaged_is_named(
     done, notice = in_page(tmp_path, page, script, anchor=f"#{link}")  # type: ignore[misc]
     assert done == steps
     assert (f"“{read}”, which is ignored: expected theme=light" in notice) == bool(read)
+    assert ("speed= and one of 0.25, 1, 4, 16, 64, Infinity, or link=" in notice) == bool(read)
 
 
 def test_a_parameter_s_slider_sets_the_system_and_a_wrong_number_is_refused(

@@ -342,6 +342,31 @@ def test_a_link_with_an_unknown_variable_or_other_bits_is_reported(
     assert "the fault “twist” is unknown; expected override, bias" in kind
 
 
+def test_information_has_the_colour_of_text_and_a_refusal_that_of_a_warning(
+    tmp_path: Path, pages: dict[str, str]
+) -> None:
+    script = """
+    const notice = find("#notice"), seen = [];
+    const colour = name => {
+      const e = document.createElement("i"); e.style.color = `var(--${name})`; notice.after(e);
+      return getComputedStyle(e).color;
+    };
+    const read = () => seen.push([notice.textContent.slice(0, 8), getComputedStyle(notice).color]);
+    find("#fault-add").click(); read();
+    find("#download").click(); read();
+    find("#fault-add").click(); read();
+    find("#link").click();
+    while (!location.hash.startsWith("#link=")) await wait();
+    await wait(); read();
+    return [seen, colour("ink"), colour("estimate")];
+    """
+    seen, ink, warning = on_page(tmp_path, pages["bluerov2_hold"], script)
+    assert seen == [
+        ["A fault ", warning], ["The same", ink], ["A fault ", warning], ["The link", ink],
+    ]  # fmt: skip
+    assert ink != warning
+
+
 def test_wrong_faults_are_refused_with_a_message(tmp_path: Path, pages: dict[str, str]) -> None:
     script = """
     const refused = more => line.fault({ signal: "hull.eta", kind: "bias", value: 1, ...more });

@@ -154,7 +154,7 @@ class Timeline {
   // Add a fault; return why not, or "". `at` is at least 1: the first point that a step reaches.
   fault({ signal, element = null, kind, value = 0, at = this.steps + 1, until = Infinity, ...more }) {
     const found = this.signals.get(signal);
-    if (!found) return `${signal} is no output of this system.`;
+    if (!found) return signal ? `${signal} is no output of this system.` : "A fault needs an output.";
     const { row } = found, place = element === null ? signal : this.system.place(row, element);
     if (element !== null && !(element >= 0 && element < row.size)) return `${place} does not exist: ${signal} has ${row.size} element${row.size > 1 ? "s" : ""}.`;
     if (!FAULTS.includes(kind)) return `${place}: the fault “${kind}” is unknown; expected ${FAULTS.join(", ")}.`;

@@ -2,7 +2,8 @@
 (async function () {
   const find = selector => document.querySelector(selector), root = document.documentElement;
   const data = JSON.parse(find("#data").textContent);
-  const notice = text => { find("#notice").textContent = text; };
+  const notice = (text, plain) => { find("#notice").textContent = text; find("#notice").classList.toggle("plain", Boolean(plain)); };
+  const told = text => notice(text, true);  // not an error
   const make = (tag, more, ...inside) => { const e = Object.assign(document.createElement(tag), more); e.append(...inside); return e; };
   const shown = value => String(+value.toPrecision(6)).replace("-", "−");
 
@@ -107,7 +108,7 @@
   document.addEventListener("visibilitychange", () => {
     if (!running) return;
     if (document.hidden) { left = performance.now(); return; }
-    notice(`This page was in the background for ${shown(+((performance.now() - left) / 1000).toPrecision(2))} s, where the browser does not run it. It goes on from t = ${system.time.toFixed(2)} s.`);
+    told(`This page was in the background for ${shown(+((performance.now() - left) / 1000).toPrecision(2))} s, where the browser does not run it. It goes on from t = ${system.time.toFixed(2)} s.`);
     last = performance.now(); owed = 0; began = [last, system.time];
     next();
   });
@@ -335,7 +336,7 @@
   const shownPlots = () => plotCards().map(plotKey);
   const settings = () => ({ ...line.settings(), hash: system.hash, speed: find("#speed").value, ...(root.dataset.theme ? { theme: root.dataset.theme } : {}),
     plots: shownPlots() });
-  const page = { data, system, line, find, make, shown, notice, run, pause, restart, seek, refresh, track, settings, running: () => running,
+  const page = { data, system, line, find, make, shown, notice, told, run, pause, restart, seek, refresh, track, settings, running: () => running,
     advance: n => { advance(n); refresh(); } };
   const waypoints = data.path && leader ? waypointsCard(page, { ...data.path, eta: Array.from({ length: 6 }, (_, i) => system.rows.get(leader.at).at + i) }) : null;
   const happens = eventsCard(page);
@@ -344,7 +345,8 @@
   again(() => line.load(data.given));
   // What the link asks for; what cannot be understood is named, and the rest is done.
   const THEMES = /^(light|dark)$/, theme = value => { root.dataset.theme = value; redraw(); };
-  const speed = value => [...find("#speed").options].some(o => o.value === value) && (find("#speed").value = value, true);
+  const speeds = [...find("#speed").options].map(o => o.value);
+  const speed = value => speeds.includes(value) && (find("#speed").value = value, true);
   async function linked(text) {
     let found;
     try { found = await settingsOf(text); } catch {
@@ -376,7 +378,7 @@
   async function follow() {
     for (const [name, value] of new URLSearchParams(location.hash.slice(1)))
       if (!ASKED[name] || !await ASKED[name](value))
-        notice(`The link has “${name}=${value}”, which is ignored: expected theme=light, theme=dark, seed= or steps= and a whole number below 10,000,000, speed=, or link= and settings.`);
+        notice(`The link has “${name}=${value}”, which is ignored: expected theme=light, theme=dark, seed= or steps= and a whole number below 10,000,000, speed= and one of ${speeds.join(", ")}, or link= and settings.`);
   }
   window.addEventListener("hashchange", follow);
   await follow();

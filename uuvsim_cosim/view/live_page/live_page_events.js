@@ -1,6 +1,6 @@
 // Faults and events of a run: the form that adds faults, their list, the link, and the scenario to download.
 function eventsCard(page) {
-  const { find, make, line, shown, notice } = page, card = find("#events"), list = find("#happens");
+  const { find, make, line, shown, notice, told } = page, card = find("#events"), list = find("#happens");
   const pad = k => k.toString().padStart(2, "0");
   // ---- add a fault ----
   const signal = find("#fault-signal"), kind = find("#fault-kind"), value = find("#fault-value"), unit = find("#fault-unit"), lasts = find("#fault-lasts");
@@ -58,7 +58,7 @@ function eventsCard(page) {
     const url = URL.createObjectURL(new Blob([line.scenario(file)], { type: "text/yaml" }));
     make("a", { href: url, download: file }).click();
     setTimeout(() => URL.revokeObjectURL(url), 60e3);
-    notice(`The same bits outside of this page: ${line.command(file)}`);
+    told(`The same bits outside of this page: ${line.command(file)}`);
   };
   find("#link").onclick = async () => {
     const link = await settingsText(page.settings());
@@ -66,7 +66,7 @@ function eventsCard(page) {
     const address = location.href, long = address.length > 8000 ? " Some programs cut so long a link: download the scenario instead." : "";
     let copied = "It is in the address of this page.";
     try { await navigator.clipboard.writeText(address); copied = "It was copied."; } catch { /* not allowed here */ }
-    notice(`The link has ${address.length.toLocaleString("en")} characters and all settings up to this point. ${copied}${long}`);
+    told(`The link has ${address.length.toLocaleString("en")} characters and all settings up to this point. ${copied}${long}`);
   };
   units();
   return { show };
