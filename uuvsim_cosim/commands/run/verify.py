@@ -26,7 +26,7 @@ def verify_command(
         typer.Argument(
             metavar="SYSTEM...",
             autocompletion=systems,
-            help="Names of systems, .ssd or .ssp.",
+            help="Names of systems, .ssd or .ssp; or folders of runs.",
         ),
     ],
     steps: Annotated[int, typer.Option(help="Number of communication steps.")] = 1000,
@@ -39,10 +39,12 @@ def verify_command(
     """Run a system as FMUs, natively, as a kernel and as WebAssembly, and compare all bits.
 
     It prints the hash of all outputs that all ways agree on, or the first output, time and pair
-    that differ. The exit status is 0 if all agree, 1 if two differ.
+    that differ. The exit status is 0 if all agree, 1 if two differ. Of a run's folder, it prints
+    the hash of the recorded outputs, which a page shows for the same run.
     """
     if out is not None and out.suffix.lower() not in (".csv", ".md"):
         raise InputInvalid(out, f"ending {out.suffix!r} was read", ".csv or .md")
+    from uuvsim_cosim.kernels.verification.recorded import hash_of_run
     from uuvsim_cosim.kernels.verification.verify import verify
 
     changes = changes_of(set_)
@@ -50,6 +52,12 @@ def verify_command(
     results: list[dict[str, object]] = []
     equal = True
     for name in names:
+        if Path(name, "run.json").is_file():
+            kept = hash_of_run(Path(name))
+            line(f"{name}: {kept.steps:,} steps of {kept.tick:g} s, recorded: {kept.hash}")
+            results.append({"run": name, **asdict(kept)})
+            rows.append((name, kept.steps, "", kept.hash, "as recorded"))
+            continue
         system = edited_system(name, None, changes)
         with console(stderr=True).status(f"verifying {system.name}") as status:
             found = verify(
