@@ -188,7 +188,9 @@ def source_fmu(tmp_path_factory: pytest.TempPathFactory) -> SourceFmu:
             build = SOURCES_LIST.format(name=name, file=file)
             members["sources/buildDescription.xml"] = build.encode()
         members["modelDescription.xml"] = description.encode()
-        return write_archive(folder / f"{stem}.fmu", members)
+        own = folder / (content_hash([code]) if code else "as_it_is")  # others keep their file
+        own.mkdir(exist_ok=True)
+        return write_archive(own / f"{stem}.fmu", members)
 
     return pack
 

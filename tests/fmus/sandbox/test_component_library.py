@@ -14,6 +14,8 @@ from tests.fmus.conftest import lag
 from tests.fmus.sandbox.test_sandbox import begun, outputs, stepped
 from uuvsim_cosim.errors import ComponentFailed, FmuError
 from uuvsim_cosim.fmus import build_fmu, instantiate_fmu
+from uuvsim_cosim.fmus.check.check_fmu import examine
+from uuvsim_cosim.fmus.check.inspect_fmu import reliance
 from uuvsim_cosim.fmus.component import BindingKind
 from uuvsim_cosim.fmus.importer.read_description import read_fmu
 from uuvsim_cosim.fmus.instantiation.instantiate import instantiate_here
@@ -112,14 +114,28 @@ def test_a_component_that_misbehaves_fails_with_a_reason(
     bad.free()
 
 
-def test_an_fmu_with_nothing_but_a_component_runs_without_isolation(tmp_path: Path) -> None:
-    built = build_fmu(lag(), platforms=["host", "wasm32"])
+def without_others(built: Path, folder: Path) -> Path:
+    """Return an FMU whose only binary is WebAssembly."""
     with zipfile.ZipFile(built) as zipped:
         kept = {
             n: zipped.read(n) for n in zipped.namelist()
             if not n.startswith(("sources/", "binaries/x86", "binaries/aarch"))
         }  # fmt: skip
-    archive = read_fmu(write_archive(tmp_path / "lag.fmu", kept))
+    return write_archive(folder / "lag.fmu", kept)
+
+
+def test_check_and_inspect_run_an_fmu_with_nothing_but_a_component(tmp_path: Path) -> None:
+    fmu = without_others(build_fmu(lag(), platforms=["host", "wasm32"]), tmp_path)
+    looks = {look.check: look for look in examine(fmu)}
+    assert [look for look in looks.values() if look.result == "finding"] == []
+    assert looks["run"].result == looks["determinism"].result == "ok"
+    assert "its WebAssembly was run; there: wasm32-wasip2" in looks["binary"].text
+    assert reliance(read_fmu(fmu))["run"] == "yes, as WebAssembly, by the extra 'sandbox'"
+
+
+def test_an_fmu_with_nothing_but_a_component_runs_without_isolation(tmp_path: Path) -> None:
+    built = build_fmu(lag(), platforms=["host", "wasm32"])
+    archive = read_fmu(without_others(built, tmp_path))
     assert archive.binaries == ("wasm32-wasip2",)
     native = begun(instantiate_here(read_fmu(built), "a"), u=1.0)
     alone = begun(instantiate_fmu(archive, "a"), u=1.0)

@@ -207,9 +207,7 @@ def test_a_grant_other_than_memory_is_refused(runaway: Path, grant: str) -> None
 
 
 def test_a_binary_fmu_is_refused_with_the_way_that_it_has(first_order_fmi3: Path) -> None:
-    with pytest.raises(
-        FmuError, match=r"cannot run as WebAssembly: .*`--isolate NAME` runs it in"
-    ):
+    with pytest.raises(FmuError, match=r"cannot run as WebAssembly: .*`--isolate NAME` runs it in"):
         instantiate_sandboxed(read_fmu(first_order_fmi3), "a")
 
 

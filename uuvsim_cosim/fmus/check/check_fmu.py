@@ -20,6 +20,7 @@ from uuvsim_cosim.fmus.codegen.toolchain import host
 from uuvsim_cosim.fmus.importer.fmu_library import library_of
 from uuvsim_cosim.fmus.importer.read_description import FmuArchive, read_fmu
 from uuvsim_cosim.fmus.importer.safe_xml import read_xml
+from uuvsim_cosim.fmus.sandbox.sandbox import only_web_assembly
 
 __all__ = ["TIME_LIMIT", "Finding", "Look", "check", "examine", "relied_on"]
 
@@ -81,6 +82,9 @@ def examine(path: Path, *, time_limit: float = TIME_LIMIT) -> list[Look]:
         text = f"none for {platform.fmi2}: its sources were compiled{others}"
         looks.append(Look("binary", "ok", text))
         return looks + _trial(path, time_limit)
+    if only_web_assembly(fmu):
+        text = f"none for {platform.fmi2}: its WebAssembly was run; there: {there}"
+        return [*looks, Look("binary", "ok", text), *_trial(path, time_limit)]
     if not here:
         text = f"none for {platform.fmi2}, so it was not run; there: {there}"
         looks.append(Look("binary", "finding", text))

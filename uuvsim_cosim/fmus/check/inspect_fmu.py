@@ -12,6 +12,7 @@ import numpy as np
 
 from uuvsim_cosim.fmus.codegen.toolchain import host
 from uuvsim_cosim.fmus.importer.read_description import FmuArchive, read_fmu
+from uuvsim_cosim.fmus.sandbox.sandbox import only_web_assembly
 
 __all__ = ["Inspection", "inspect", "reliance"]
 
@@ -27,6 +28,7 @@ def reliance(fmu: FmuArchive) -> dict[str, str]:
     return {
         "run": "yes" if here
         else "yes, its sources are compiled at first use" if fmu.sources
+        else "yes, as WebAssembly, by the extra 'sandbox'" if only_web_assembly(fmu)
         else f"no: it has no binary for {machine.fmi2}",
         "reset": "restores its state of Initialization Mode" if state
         else "frees the instance, then makes another; nothing is unpacked or loaded again" if once
