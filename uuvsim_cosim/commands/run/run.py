@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -43,6 +45,8 @@ from uuvsim_cosim.errors import ComponentFailed, InputInvalid, LoopNotConverged
 from uuvsim_cosim.fmus.isolation.grants import GRANTS
 
 if TYPE_CHECKING:
+    from uuvsim_cosim.fmus.component import Component
+    from uuvsim_cosim.fmus.importer.read_description import FmuArchive
     from uuvsim_cosim.fmus.tracing.trace import Trace
 
 __all__ = ["run_command"]
@@ -173,19 +177,26 @@ def run_command(
         refused = {
             "--waypoints": waypoints, "--origin": origin, "--replace": replace, "--map": map_,
             "--rate": rate, "--vehicle": vehicle, "--force": force, "--ardusub": ardusub,
-            "--px4": px4, "--real-time": real_time, "--isolate": isolate, "--grant": grant,
+            "--px4": px4, "--real-time": real_time,
             "--scenario": scenario, "--view": view, "--loops": loops, "--arm-real": arm_real,
             "--unsigned": unsigned,
         }  # fmt: skip
         for option, given in refused.items():
             if given:
                 raise InputInvalid(option, "applies to systems", "a system, not a single FMU")
+        if grant and not isolate:
+            raise InputInvalid(
+                "--grant", "the FMU is not isolated", "--isolate wasm or '*' with it"
+            )
+        if trace_fmi is not None and isolate:
+            raise InputInvalid("--trace-fmi", "together with --isolate", "FMUs in this process")
         if len(input_ or []) > 1:
             raise InputInvalid(f"--input {' '.join(input_ or [])}: expected one CSV for an .fmu")
         table = Path(input_[0]) if input_ else None
         asked = None if step is None else step_text(step, "--step")
         values = assignments("--set", set_ or [], SET, dotted=False)
-        _run_fmu(system, table, until, asked, out, values, trace_fmi, start, interface)
+        limits = partial(_limited, isolate, watchdog, grants(grant or [])) if isolate else None
+        _run_fmu(system, table, until, asked, out, values, trace_fmi, start, interface, limits)
         return
     if step is not None:
         raise InputInvalid("--step applies to a single .fmu", "--rate component=step")
@@ -262,9 +273,24 @@ def run_command(
     watched.replay(done.folder)
 
 
+def _limited(
+    isolate: list[str], watchdog: float, given: dict[str, list[str]], fmu: FmuArchive, name: str
+) -> Component:
+    """Instantiate a single FMU as WebAssembly or in a process, as `isolate` says of its name."""
+    from uuvsim_cosim.fmus.instantiation.instantiate import instantiate_limited
+    from uuvsim_cosim.orchestrator.master.isolation import isolations
+
+    for wrong in given.keys() - {name, "*"}:
+        raise InputInvalid("--grant", f"no component {wrong!r}", f"{name} or *")
+    texts = [text for path in ("*", name) for text in given.get(path, ())]
+    way = isolations(isolate, [name])[name]
+    return instantiate_limited(fmu, name, way, watchdog=watchdog, grants=texts)
+
+
 def _run_fmu(
     fmu: str, inputs: Path | None, until: float | None, step: str | None, out: Path | None,
     values: dict[str, str], trace_fmi: Path | None, start: float | None, interface: str | None,
+    limits: Callable[[FmuArchive, str], Component] | None,
 ) -> None:  # fmt: skip
     from contextlib import AbstractContextManager, nullcontext
 
@@ -294,7 +320,7 @@ def _run_fmu(
         with traced as trace:
             done = simulate_fmu_to_csv(
                 Path(fmu), target, until=until, step=step, inputs=inputs, start=values,
-                trace=trace, start_time=start, interface=chosen,
+                trace=trace, start_time=start, interface=chosen, instantiate=limits,
             )  # fmt: skip
     except ComponentFailed as error:
         if isinstance(error.partial, SimulationFile):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from fractions import Fraction
@@ -165,12 +165,14 @@ def simulate_fmu_to_csv(
     trace: Trace | None = None,
     start_time: float | None = None,
     interface: str | None = None,
+    instantiate: Callable[[FmuArchive, str], Component] | None = None,
 ) -> SimulationFile:
     """Simulate an FMU as `simulate_fmu` does, and write each row into a CSV file as it comes.
 
     Memory does not grow with the number of rows. The file is begun after initialization, and
-    holds all rows up to then if the simulation fails or is interrupted. Raises InputInvalid
-    before anything runs if the disk has not enough room, RecordingError if it becomes full,
+    holds all rows up to then if the simulation fails or is interrupted. `instantiate` makes the
+    component, by the FMU and its name, in place of `instantiate_fmu`. Raises InputInvalid before
+    anything runs if the disk has not enough room, RecordingError if it becomes full,
     SimulationInterrupted on Ctrl-C.
     """
     run = _Simulation(fmu, until, step, inputs, start, outputs, start_time, interface)
@@ -189,7 +191,7 @@ def simulate_fmu_to_csv(
 
     with CsvRows(target, run.recorded) as rows, AtComponentExit(ended):
         try:
-            run.into(rows, trace)
+            run.into(rows, trace, instantiate)
         except ComponentFailed as error:
             if rows.count:
                 error.partial = result()
@@ -311,11 +313,16 @@ class _Simulation:
                 )
         self.begin, self.tick, self.count = begin, tick, int(count)
 
-    def into(self, rows: Rows, trace: Trace | None) -> None:
+    def into(
+        self,
+        rows: Rows,
+        trace: Trace | None,
+        instantiate: Callable[[FmuArchive, str], Component] | None = None,
+    ) -> None:
         """Simulate, and add the values of each communication point to the rows."""
         name = self.archive.description.name
         if trace is None:
-            component = instantiate_fmu(self.archive, name)
+            component = (instantiate or instantiate_fmu)(self.archive, name)
         else:
             component = instantiate_traced(self.archive, name, trace)
         # Each point is rounded once, so that errors do not add up.
@@ -344,6 +351,7 @@ class _Simulation:
                     rows.add(error.time, _values(component, self.recorded, error.time))
         finally:
             self.messages = list(getattr(component, "messages", []))
+            self.notes += tuple(getattr(component, "lacking", ()))
             self.notes += tuple(text for level, text in self.messages if level == "note")
             component.free()
 
