@@ -158,7 +158,7 @@ def packed(
         if fmi == 2:
             raise InputInvalid(
                 "platform wasm32", "FMI 2.0, for which the layered standard has no WebAssembly",
-                "FMI 3.0 (--fmi 3)",
+                "FMI 3.0: --fmi 3 (in Python, fmi=3)",
             )  # fmt: skip
         texts = {**texts, MANIFEST: manifest()}
     # This notice must accompany a binary that was made with FMI's headers.

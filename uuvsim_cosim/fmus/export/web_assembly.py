@@ -26,6 +26,12 @@ MANIFEST = "extra/org.modelica.fmi-ls-wasm/manifest.xml"
 _STANDARD = "0.1.0"  # of the layered standard: a working draft without a release
 _MACROS = {"CO_SIMULATION": CO_SIMULATION, "MODEL_EXCHANGE": MODEL_EXCHANGE}
 _KINDS = {"CoSimulation": CO_SIMULATION, "ModelExchange": MODEL_EXCHANGE}
+# Uses of the C library by the functions of WASI that it calls for them.
+_USES = {
+    "print or open files": ("fd_", "path_"),
+    "read the clock": ("clock_",),
+    "call exit() or the system": ("proc_", "poll_", "random_", "sched_", "sock_", "args_", "env"),
+}
 
 
 def component_file(
@@ -49,10 +55,12 @@ def component_file(
     data = module.read_bytes()
     missing = sorted(set(re.findall(rb"\x16wasi_snapshot_preview1.([a-z_]+)", data)))
     if missing:
-        needed = ", ".join(m.decode() for m in missing)
+        needed = [m.decode() for m in missing]
+        uses = [what for what, starts in _USES.items() if any(n.startswith(starts) for n in needed)]
         raise ToolchainError(
-            name, f"its sources use files, clocks or output of the C library ({needed})",
-            "sources that do not, as no component of this package imports WASI",
+            name, f"its sources {' and '.join(uses)} (WASI's {', '.join(needed)})",
+            "sources that do not, because a component may only compute; "
+            "`uuvsim run --isolate wasm` runs these sources as they are",
         )  # fmt: skip
     made = cache_dir("compiled", content_hash(["component", *kinds, data])) / f"{name}.wasm"
     if not intact(made):

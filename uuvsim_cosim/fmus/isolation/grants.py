@@ -63,16 +63,22 @@ class Grants:
                 found = replace(found, ports=(*found.ports, int(value)))
             elif word == "memory" and (size := _bytes(value)):
                 found = replace(found, memory=size)
+            elif word == "memory":
+                number = value if value.isdecimal() else "64"
+                expected = f"a size with a unit, memory:{number}MiB or memory:{number}GiB"
+                raise InputInvalid(option, f"{text!r} was read", expected)
             else:
                 raise InputInvalid(option, f"{text!r} was read", GRANTS)
         return found
 
 
-def size_text(size: int) -> str:
-    """Return a number of bytes for a message, rounded up: ``94 GiB``."""
-    for name in ("G", "M"):
+def size_text(size: int, digits: int = 2) -> str:
+    """Return a number of bytes for a message, rounded up to decimal `digits`: ``3.26 GiB``."""
+    for name in ("G", "M", "k"):
         if size >= 1 << _UNITS[name]:
-            return f"{-(-size >> _UNITS[name])} {name}iB"
+            rounded = -(-size * 10**digits >> _UNITS[name]) / 10**digits
+            text = f"{rounded:.{digits}f}"
+            return f"{text.rstrip('0').rstrip('.') if digits else text} {name}iB"
     return f"{size} bytes"
 
 

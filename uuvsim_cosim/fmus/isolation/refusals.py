@@ -167,7 +167,7 @@ class Refusals:
         used = pages * os.sysconf("SC_PAGE_SIZE")
         if self._limit and used + size > self._limit:
             memory = self._rules.grants.memory
-            needed = size_text(used + size - self._limit + memory).replace(" ", "")
+            needed = size_text(used + size - self._limit + memory, digits=0).replace(" ", "")
             self._refused(
                 f"it asked for {size_text(size)} of memory at once, and may have "
                 f"{size_text(memory)}",

@@ -30,6 +30,7 @@ _OWN = {
     },
 }
 _OK = 0
+_HEADER = 16  # [bytes] that the C library adds to a piece of memory; it takes a power of two
 _MOST = 20  # refusals that are reported
 _FOLDER = 3  # the descriptor of "/", which exists so that C libraries ask for the files in it
 
@@ -73,8 +74,16 @@ class Host:
 
     def more(self, caller: Caller, size: int) -> None:
         """Report memory that is refused."""
-        asked, limit = size_text(size & 0xFFFFFFFF), size_text(self.limit)
-        self.refused("memory", f"it asked for {asked} of memory, and may have {limit} in all")
+        size &= 0xFFFFFFFF
+        rounded = 1 << (size + _HEADER - 1).bit_length()
+        asked, up, has, limit = (
+            size_text(n) for n in (size, rounded, _memory(caller).data_len(caller), self.limit)
+        )
+        self.refused(
+            "memory",
+            f"it asked for {asked} of memory, which its C library rounds up to {up}, has {has}, "
+            f"and may have {limit} in all",
+        )
 
     def refused(self, key: str, what: str) -> None:
         """Report the first refusal of a kind."""
