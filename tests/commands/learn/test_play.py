@@ -40,12 +40,33 @@ def test_a_policy_plays_on_a_page_with_the_return_that_the_command_prints(
     return [page.system.get("task.return")[0], page.system.get("task.ended")[0], plots,
       document.querySelector("details.card:last-of-type").textContent];
     """
-    found, ended, plots, about = found_in_page(tmp_path, out.read_text("utf-8"), script)
+    page = out.read_text("utf-8")
+    found, ended, plots, about = found_in_page(tmp_path, page, script)
     assert found == pytest.approx(on_page, rel=1e-8)
     assert ended == 1.0
     assert plots[:2] == ["task.return", "task.tracker_1_action"]
     assert "network in float64, uuvsim play in float32" in about
     assert "uuvsim verify" not in about
+    # The page pauses at the end, once, and claims nothing about a system that has no name.
+    script = """
+    while (!window.uuvsimPage) await wait();
+    const page = window.uuvsimPage, find = s => document.querySelector(s), seen = [];
+    const now = () => [page.line.steps, find("#run").textContent, find("#notice").textContent];
+    find("#speed").value = "64"; find("#run").click();
+    while (page.running()) await wait();
+    seen.push(now());
+    find("#run").click();
+    while (page.line.steps < 300) await wait();
+    find("#run").click();
+    seen.push(now().slice(1));
+    page.seek(0); page.advance(250);
+    seen.push(now());
+    return [...seen, [find("#download"), find("#seed")].map(e => e.checkVisibility())];
+    """
+    end = "The episode has ended: task.ended is 1. The system itself can run on."
+    assert found_in_page(tmp_path, page, script) == [
+        [201, "run", end], ["run", ""], [250, "run", end], [False, False],
+    ]  # fmt: skip
 
 
 @pytest.mark.parametrize(

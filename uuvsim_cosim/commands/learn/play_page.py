@@ -42,7 +42,7 @@ def write_play_page(found: Acting, given: str, seed: int, out: Path, played: flo
         f"here and {played:.9g} there."
     )
     shown = ["task.return", *(f"task.{v}" for v in _actions(system))]
-    write_live_page(system, out, plots=shown, remark=remark)
+    write_live_page(system, out, plots=shown, remark=remark, ended="task.ended")
     return computed
 
 

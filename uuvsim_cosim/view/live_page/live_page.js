@@ -42,12 +42,15 @@
     filled = at + 1;
     moveScene();
   }
+  const ended = () => data.ended !== "" && system.values[element(data.ended)] > 0.5;
   function advance(n) {
+    const before = ended();
     for (const end = line.steps + n; line.steps < end;) {
       if (steering) steering.beat();
       const piece = steering && steering.on ? steering.every - line.steps % steering.every : end;
       if (!line.advance(Math.min(piece, end - line.steps))) { pause(); notice(line.failure + "."); return false; }
     }
+    if (!before && ended()) { pause(); told(`The episode has ended: ${data.ended} is 1. The system itself can run on.`); }
     return true;
   }
 
@@ -69,11 +72,11 @@
   function frame(now) {
     if (!running || document.hidden) return;
     const speed = +find("#speed").value, until = performance.now() + SLICE;
-    owed = Math.min(owed + (now - last) / 1000 * speed / system.tick, 1e9); last = now;
+    owed = Math.min(owed + (Math.max(0, now - last) / 1000 * speed / system.tick || 0), 1e9); last = now;
     let part = Math.max(1, Math.min(64, every));
     while (owed >= 1 && performance.now() < until) {
-      const n = Math.min(Math.floor(owed), part);
-      if (!advance(n)) break;
+      const n = Math.min(Math.floor(owed), data.ended && !ended() ? 1 : part);
+      if (!advance(n) || !running) break;
       owed -= n; part *= 2;
       if (part > 4096) part = 4096;
     }
@@ -296,6 +299,7 @@
   };
 
   // ---- buttons, colours ----
+  find("#seed").parentElement.hidden = find("#download").hidden = !data.named;
   find("#run").onclick = () => running ? pause() : run();
   find("#step").onclick = () => { pause(); advance(1); draw(); };
   find("#back").onclick = () => seek(line.steps - 1);

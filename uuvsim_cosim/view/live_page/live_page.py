@@ -45,24 +45,27 @@ SCRIPTS = (
 
 
 def write_live_page(
-    system: System, target: Path, *, plots: Sequence[str] = (), remark: str = "", source: str = ""
-) -> Path:
+    system: System, target: Path, *, plots: Sequence[str] = (), remark: str = "", ended: str = "",
+    source: str = "",
+) -> Path:  # fmt: skip
     """Write the page of a system and return its path; arguments as of `live_page_html`.
 
     Raises SystemInvalid, which names every component that is no declaration, and ToolchainError.
     """
-    return written(target, live_page_html(system, plots=plots, remark=remark, source=source))
+    page = live_page_html(system, plots=plots, remark=remark, ended=ended, source=source)
+    return written(target, page)
 
 
 def live_page_html(
-    system: System, *, plots: Sequence[str] = (), remark: str = "",
+    system: System, *, plots: Sequence[str] = (), remark: str = "", ended: str = "",
     seed: int = 0, scenario: Scenario | None = None, source: str = "",
 ) -> str:  # fmt: skip
     """Return the page of a system as a text; it begins with this seed and this scenario.
 
     The page plots the outputs in `plots` ("task.return") first. A `remark` on what it computes
-    stands in the place of the command that verifies a system by its name. `source` is the text by
-    which `uuvsim run` finds the system, by default its name.
+    stands in the place of the commands that find a system by its name: such a page has no scenario
+    to download, and its seed is fixed. The page pauses when the output `ended` ("task.ended")
+    becomes 1. `source` is the text by which `uuvsim run` finds the system, by default its name.
     """
     compiled = web_assembly(system)
     plan = compiled.parts.fused.plan
@@ -74,6 +77,8 @@ def live_page_html(
         "stop": compiled.parts.whole.stop_time,
         "movers": _movers(scene3d),
         "plots": list(plots),
+        "named": not remark,
+        "ended": ended,
         "path": path_names(plan),
         "given": {
             "seed": seed,

@@ -63,7 +63,7 @@ function eventsCard(page) {
   find("#link").onclick = async () => {
     const link = await settingsText(page.settings());
     history.replaceState(null, "", `#link=${link}`);
-    const address = location.href, long = address.length > 8000 ? " Some programs cut so long a link: download the scenario instead." : "";
+    const address = location.href, long = address.length > 8000 ? ` Some programs cut so long a link${page.data.named ? ": download the scenario instead" : ""}.` : "";
     let copied = "It is in the address of this page.";
     try { await navigator.clipboard.writeText(address); copied = "It was copied."; } catch { /* not allowed here */ }
     told(`The link has ${address.length.toLocaleString("en")} characters and all settings up to this point. ${copied}${long}`);
