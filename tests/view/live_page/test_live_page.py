@@ -117,6 +117,22 @@ def test_a_pause_shows_the_step_the_hash_and_the_values_that_were_reached(
     assert in_page(tmp_path, page, script) == [[True] * 6, "60"]
 
 
+def test_a_page_as_fast_as_possible_runs_from_a_picture_that_began_before_the_click(
+    page: str, tmp_path: Path
+) -> None:
+    script = """
+    let clock = 1000;
+    performance.now = () => clock += 1;  // so that a picture has an end
+    window.requestAnimationFrame = f => setTimeout(() => f(clock - 20), 16);
+    document.getElementById("speed").value = "Infinity";
+    document.getElementById("run").click();
+    for (let k = 0; k < 5; k++) await wait();
+    page.pause();
+    return page.system.steps > 0;
+    """
+    assert in_page(tmp_path, page, script) is True
+
+
 def test_a_browser_without_web_assembly_is_told_so(page: str, tmp_path: Path) -> None:
     without = page.replace("<head>", "<head><script>delete window.WebAssembly</script>")
     script = (

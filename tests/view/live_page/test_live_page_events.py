@@ -248,11 +248,13 @@ def test_restart_begins_with_the_present_values_and_replay_repeats_the_events(
     tmp_path: Path, pages: dict[str, str]
 ) -> None:
     script = """
+    const labels = () => ["#restart", "#replay"].map(find).map(e => e.hidden ? "" : e.textContent);
+    const before = labels();
     page.advance(50);
     line.set("hull.v_c", 0, 0.3);
     line.fault({ signal: "hull.eta", element: 2, kind: "bias", value: 0.5 });
     page.advance(50);
-    const first = page.system.hash;
+    const first = page.system.hash, after = labels();
     find("#replay").click();
     const at = [line.steps, line.value("hull.v_c", 0)];
     page.advance(100);
@@ -266,10 +268,12 @@ def test_restart_begins_with_the_present_values_and_replay_repeats_the_events(
     const kept = line.events.map(e => [e.at, e.kind]);
     page.advance(100);
     const same = page.system.hash === first;
-    return [...at, again, line.value("hull.v_c", 0), kept, same, line.startValues];
+    return [...at, again, line.value("hull.v_c", 0), kept, same, line.startValues,
+      [before, after]];
     """
     assert on_page(tmp_path, pages["bluerov2_hold"], script) == [
         0, 0, [True, 0, 0, True], 0.3, [[1, "bias"]], False, [["hull.v_c", 0, 0.3]],
+        [["restart", ""], ["restart with present values", "replay all events"]],
     ]  # fmt: skip
 
 

@@ -119,10 +119,10 @@ _CONTROLS = (
     '<div class="card drive"><button id="run" type="button">run</button>'
     '<button id="back" type="button" title="one communication step back (,)">◂ step back</button>'
     '<button id="step" type="button" title="one communication step (.)">step ▸</button>'
-    '<button id="restart" type="button" title="from time 0 with the present values; events are '
-    'removed">restart</button>'
+    '<button id="restart" type="button" title="from time 0 with the present values and active '
+    'faults; other events are removed">restart</button>'
     '<button id="replay" type="button" title="from time 0 with the same events at the same times" '
-    "hidden>replay</button>"
+    "hidden>replay all events</button>"
     '<label>speed <select id="speed"><option value="0.25">0.25 x</option>'
     '<option value="1" selected>1 x</option><option value="4">4 x</option>'
     '<option value="16">16 x</option><option value="64">64 x</option>'

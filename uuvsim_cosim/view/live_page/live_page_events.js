@@ -50,6 +50,7 @@ function eventsCard(page) {
     if (own.length > MOST) rows.unshift(make("p", { textContent: `The first ${own.length - MOST} events are not listed.` }));
     list.replaceChildren(...rows);
     find("#replay").hidden = !events.length;
+    find("#restart").textContent = events.length ? "restart with present values" : "restart";
     find("#no-events").hidden = events.length > 0;
   }
   // ---- the scenario, and the link ----
