@@ -301,7 +301,7 @@
   // ---- buttons, colours ----
   find("#seed").parentElement.hidden = find("#download").hidden = !data.named;
   find("#run").onclick = () => running ? pause() : run();
-  find("#step").onclick = () => { pause(); advance(1); draw(); };
+  find("#step").onclick = () => { pause(); notice(""); advance(1); draw(); };
   find("#back").onclick = () => seek(line.steps - 1);
   find("#restart").onclick = restart;
   find("#replay").onclick = () => again(() => line.seek(0));
