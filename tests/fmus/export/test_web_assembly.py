@@ -81,7 +81,7 @@ def test_fmi_2_is_refused(uuvsim: Uuvsim) -> None:
         build_fmu(uuv.declare("battery"), fmi=2, platforms=["wasm32"])
     status, _, err = uuvsim("fmu", "build", "battery", "--fmi", "2", "--platform", "wasm32")
     assert status == 2
-    assert "expected FMI 3.0" in err
+    assert "expected FMI 3.0: --fmi 3" in err
 
 
 def test_without_wasmtime_the_extra_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
