@@ -114,7 +114,7 @@ def test_a_page_in_a_browser_follows_its_sliders(tmp_path: Path) -> None:
     html = built(tmp_path / "docs", pages_of("thruster"))
     script = """
     const place = document.querySelector("[data-live]");
-    while (!place.view) await wait();
+    await until(() => place.view);
     const hash = () => place.querySelector(".live-hash code").textContent, found = [hash()];
     const field = place.querySelector("input[type=number][aria-label^='T_n']");
     for (const text of ["0.2", "-1", "0.0287"]) {
@@ -150,7 +150,7 @@ def test_a_browser_without_webassembly_is_named(tmp_path: Path) -> None:
     text = text.replace("<head>", "<head><script>delete window.WebAssembly</script>")
     script = """
     const place = document.querySelector("[data-live]");
-    while (!/browser/.test(place.textContent)) await wait();
+    await until(() => /browser/.test(place.textContent));
     return place.textContent;
     """
     assert "This browser has no WebAssembly" in found_in_page(html, text, script)

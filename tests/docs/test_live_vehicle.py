@@ -32,7 +32,7 @@ def test_the_vehicle_of_the_landing_page_flies_the_bits_of_the_master(landing: P
     script = """
     const place = document.querySelector("[data-vehicle]");
     place.querySelector("button").onclick();
-    while (place.dataset.state !== "running") await wait();
+    await until(() => place.dataset.state === "running");
     const page = place.querySelector("iframe").contentWindow.uuvsimPage;
     while (!page.system.steps) await wait();
     page.pause(); page.restart(); page.advance(200);
@@ -56,7 +56,7 @@ def test_nothing_is_loaded_before_the_button_and_a_missing_file_is_named(landing
     script = """
     const place = document.querySelector("[data-vehicle]");
     place.querySelector("button").onclick();
-    while (!/cannot/.test(place.textContent)) await wait();
+    await until(() => /cannot/.test(place.textContent));
     return place.querySelector("[role=status]").textContent;
     """
     assert "bluerov2_hold.js cannot be read." in found_in_page(landing, text, script)

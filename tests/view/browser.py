@@ -39,8 +39,9 @@ def chromium(folder: Path, page: Path, *flags: str, anchor: str = "") -> str:
 def found_in_page(folder: Path, page: str, script: str, *, anchor: str = "") -> Any:
     """Run a script in a page, as the body of an async function, and return the value it returns.
 
-    The script may `await wait()` for the next picture. Errors of the page are returned as a list
-    of texts, one of the script as its stack.
+    The script may `await wait()` for the next picture, and `await until(condition)` for the work of
+    other threads of the browser: its clock stands still for them, so that it computes meanwhile.
+    Errors of the page are returned as a list of texts, one of the script as its stack.
     """
     # Without a screen, Chromium asks for no new picture: a timer does.
     before = (
@@ -50,6 +51,8 @@ def found_in_page(folder: Path, page: str, script: str, *, anchor: str = "") -> 
     after = (
         "<script>addEventListener('load',async()=>{let found;"
         "const wait=()=>new Promise(r=>setTimeout(r,60));"
+        "const until=async f=>{while(!f()){for(let i=0;i<4e6;i++)window.spent=i;"
+        "await new Promise(r=>setTimeout(r,4))}};"
         f"try{{await wait();found=await(async()=>{{{script}}})()}}catch(e){{found=String(e.stack)}}"
         "const p=document.createElement('pre');p.id='found';document.body.append(p);"
         "p.textContent=JSON.stringify(errors.length?errors:found)})</script>"

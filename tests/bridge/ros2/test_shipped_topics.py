@@ -19,7 +19,9 @@ FOLDER = Path(__file__).parents[3] / "orchestrator" / "systems"
 
 
 def text_of(plan: Plan) -> str:
-    return topics_text(topics_of(variables_of(plan), facts_of(plan)))
+    text = topics_text(topics_of(variables_of(plan), facts_of(plan)))
+    schema = "# yaml-language-server: $schema=../../../models/schema/topics.schema.json"
+    return schema + text[text.index("\n") :]
 
 
 @pytest.mark.parametrize("name", available())

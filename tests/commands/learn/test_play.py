@@ -33,7 +33,7 @@ def test_a_policy_plays_on_a_page_with_the_return_that_the_command_prints(
     played, on_page = float(figures["return"]), float(figures["return on the page"])
     assert on_page == pytest.approx(played, rel=1e-6)  # float64 and float32
     script = """
-    while (!window.uuvsimPage) await wait();
+    await until(() => window.uuvsimPage);
     const page = window.uuvsimPage;
     page.advance(201);
     const plots = [...document.querySelectorAll("#plots .card")].map(e => e.dataset.signal);
@@ -49,7 +49,7 @@ def test_a_policy_plays_on_a_page_with_the_return_that_the_command_prints(
     assert "uuvsim verify" not in about
     # The page pauses at the end, once, and claims nothing about a system that has no name.
     script = """
-    while (!window.uuvsimPage) await wait();
+    await until(() => window.uuvsimPage);
     const page = window.uuvsimPage, find = s => document.querySelector(s), seen = [];
     const now = () => [page.line.steps, find("#run").textContent, find("#notice").textContent];
     find("#speed").value = "64"; find("#run").click();

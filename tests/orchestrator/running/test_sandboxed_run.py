@@ -29,7 +29,7 @@ BAD = {
     READ_KEY: (r"it tried to read \S+/\.ssh/id, which .*--grant bad=read:\S+/\.ssh/id"),
     TCP: r"it tried to open a socket \(TCP\), which .*--grant bad=network",
     UDP: r"it tried to open a socket \(UDP\), which .*--grant bad=network",
-    ALLOCATES: r"it asked for 101 GiB of memory at once.*--grant bad=memory:101GiB",
+    ALLOCATES: r"it asked for 100\.\d\d GiB of memory at once.*--grant bad=memory:101GiB",
     EXECS: r"it tried to start the program /bin/sh, which .*--grant bad=processes",
 }
 
