@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import zipfile
 from pathlib import Path
+from typing import get_args
 
 import numpy as np
 import pytest
@@ -18,7 +19,11 @@ from uuvsim_cosim.fmus.check.check_fmu import examine
 from uuvsim_cosim.fmus.check.inspect_fmu import reliance
 from uuvsim_cosim.fmus.component import BindingKind
 from uuvsim_cosim.fmus.importer.read_description import read_fmu
-from uuvsim_cosim.fmus.instantiation.instantiate import instantiate_here
+from uuvsim_cosim.fmus.instantiation.instantiate import (
+    Isolation,
+    instantiate_here,
+    instantiate_limited,
+)
 from uuvsim_cosim.fmus.sandbox import sandbox
 from uuvsim_cosim.fmus.sandbox.extend import add_web_assembly
 from uuvsim_cosim.fmus.sandbox.sandbox import instantiate_sandboxed
@@ -141,6 +146,15 @@ def test_an_fmu_with_nothing_but_a_component_runs_without_isolation(tmp_path: Pa
     alone = begun(instantiate_fmu(archive, "a"), u=1.0)
     assert stepped(alone, 20) == stepped(native, 20)
     assert outputs(alone) == outputs(native)
+
+
+def test_an_fmu_with_nothing_but_a_component_is_isolated_by_it_in_every_way(tmp_path: Path) -> None:
+    built = build_fmu(lag(), platforms=["host", "wasm32"])
+    archive = read_fmu(without_others(built, tmp_path))
+    expected = stepped(begun(instantiate_here(read_fmu(built), "a"), u=1.0), 20)
+    for way in get_args(Isolation):
+        limited = begun(instantiate_limited(archive, "a", way), u=1.0)
+        assert stepped(limited, 20) == expected
 
 
 @pytest.mark.parametrize("data", [b"", b"\0asm\x01\0\0\0", b"\0asm\x0d\0\x01\0\xff"])

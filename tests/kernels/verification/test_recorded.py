@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tests.conftest import Uuvsim
 from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.kernels.verification.recorded import hash_of_run
 from uuvsim_cosim.kernels.verification.ways import outputs_of, ways_of
@@ -40,6 +41,18 @@ def test_a_recording_with_gaps_is_refused(tmp_path: Path) -> None:
     run(load("bluerov2_hold"), until=0.2, out=tmp_path / "run", backend="native", record_every=2)
     with pytest.raises(InputInvalid, match=r"its rows are not all communication points.*0\.01 s"):
         hash_of_run(tmp_path / "run")
+
+
+@pytest.mark.parametrize("option", ["--steps", "--seed", "--set"])
+def test_options_of_systems_are_refused_for_a_run(
+    option: str, uuvsim: Uuvsim, tmp_path: Path
+) -> None:
+    run(load("bluerov2_hold"), until=0.1, out=tmp_path / "run", backend="native")
+    value = "hull.m=12" if option == "--set" else "10"
+    status, _, err = uuvsim("verify", str(tmp_path / "run"), option, value)
+    assert status == 2
+    assert err.startswith(f"uuvsim: {option}: ")
+    assert "is a run, which has its own" in err
 
 
 def test_a_folder_without_its_system_is_refused(tmp_path: Path) -> None:

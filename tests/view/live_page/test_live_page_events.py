@@ -360,12 +360,15 @@ def test_information_has_the_colour_of_text_and_a_refusal_that_of_a_warning(
     find("#download").click(); read();
     find("#step").click(); read();
     find("#fault-add").click(); read();
+    find("#link").click();
+    await until(() => notice.textContent.startsWith("The link"));
+    read();
     return [seen, colour("ink"), colour("estimate")];
     """
     seen, ink, warning = on_page(tmp_path, pages["bluerov2_hold"], script)
     assert seen == [
         ["A fault ", warning], ["The same", ink], ["", warning],
-        ["A fault ", warning],
+        ["A fault ", warning], ["The link", ink],
     ]  # fmt: skip
     assert ink != warning
 

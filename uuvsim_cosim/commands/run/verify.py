@@ -21,6 +21,7 @@ __all__ = ["verify_command"]
 
 
 def verify_command(
+    context: typer.Context,
     names: Annotated[
         list[str],
         typer.Argument(
@@ -46,13 +47,21 @@ def verify_command(
         raise InputInvalid(out, f"ending {out.suffix!r} was read", ".csv or .md")
     from uuvsim_cosim.kernels.verification.recorded import hash_of_run
     from uuvsim_cosim.kernels.verification.verify import verify
+    from uuvsim_cosim.orchestrator.running.library import available
 
     changes = changes_of(set_)
     rows: list[tuple[object, ...]] = []
     results: list[dict[str, object]] = []
     equal = True
     for name in names:
-        if Path(name, "run.json").is_file():
+        if name not in available() and Path(name).is_dir():
+            for option in ("steps", "seed", "set_"):
+                source = context.get_parameter_source(option)
+                if source is not None and source.name == "COMMANDLINE":
+                    raise InputInvalid(
+                        f"--{option.strip('_')}", f"{name} is a run, which has its own",
+                        "systems alone, or no such option",
+                    )  # fmt: skip
             kept = hash_of_run(Path(name))
             line(f"{name}: {kept.steps:,} steps of {kept.tick:g} s, recorded: {kept.hash}")
             results.append({"run": name, **asdict(kept)})

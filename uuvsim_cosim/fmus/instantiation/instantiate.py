@@ -121,11 +121,11 @@ def instantiate_limited(
 ) -> Component:
     """Instantiate an FMU as WebAssembly or in a process that is a sandbox, by its `way`.
 
-    If "preferred" takes the process, the component's `lacking` has the reason. It does not wait for
-    the start of a process.
+    An FMU that has nothing but WebAssembly is WebAssembly in every way. If "preferred" takes the
+    process, the component's `lacking` has the reason. It does not wait for the start of a process.
     """
     why = ""
-    if way != "process":
+    if way != "process" or only_web_assembly(archive):
         try:
             return instantiate_sandboxed(archive, path, watchdog=watchdog, grants=grants)
         except NoWebAssembly as error:

@@ -65,9 +65,9 @@ function eventsCard(page) {
     const link = await settingsText(page.settings());
     history.replaceState(null, "", `#link=${link}`);
     const address = location.href, long = address.length > 8000 ? ` Some programs cut so long a link${page.data.named ? ": download the scenario instead" : ""}.` : "";
-    let copied = "It is in the address of this page.";
-    try { await navigator.clipboard.writeText(address); copied = "It was copied."; } catch { /* not allowed here */ }
-    told(`The link has ${address.length.toLocaleString("en")} characters and all settings up to this point. ${copied}${long}`);
+    const tell = place => told(`The link has ${address.length.toLocaleString("en")} characters and all settings up to this point. ${place}${long}`);
+    tell("It is in the address of this page."); // a browser may ask before it copies, and need not answer
+    try { await navigator.clipboard.writeText(address); tell("It was copied."); } catch { /* not allowed here */ }
   };
   units();
   return { show };
