@@ -12,7 +12,6 @@ the one before it.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any
 
 import casadi as ca
@@ -20,39 +19,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uuvsim_cosim.errors import InputInvalid
+from uuvsim_cosim.studies.identification.fit import (
+    AWAY,
+    FIRST,
+    LEAST,
+    Fit,
+    correlation_of_lag_one,
+)
 from uuvsim_cosim.studies.identification.fitted_model import GreyBox
+from uuvsim_cosim.studies.identification.shooting import PRIOR, measured_motion
 from uuvsim_cosim.studies.identification.signals import ANGLES, Grid
 
-__all__ = ["Fit", "fit"]
+__all__ = ["fit"]
 
 Array = NDArray[np.float64]
-# First and least values of sigma: N E D [m], angles, u v w [m/s], p q r [rad/s].
-_FIRST = np.array([0.05] * 3 + [0.02] * 3 + [0.02] * 3 + [0.02] * 3)
-_LEAST = np.array([1e-4] * 3 + [1e-5] * 3 + [1e-5] * 3 + [1e-5] * 3)
 _SEGMENT = 3.0  # s
-_PRIOR = 3e-2  # of theta, over its scale: too weak to matter unless the data hold no information
-
-
-@dataclass(frozen=True)
-class Fit:
-    """theta (n_p,), its covariance, and sigma (12,) of each signal; sensitivity without states."""
-
-    theta: Array
-    covariance: Array
-    sigma: Array  # of each signal's residuals
-    correlation: Array  # of each signal's residuals with those one step before
-    information: Array  # of theta, states eliminated
-    x_0: Array
-    samples: int
-    iterations: int
-    converged: bool
-    status: str
-
-
-_AWAY = (
-    "the fit diverged: no finite trajectory of the model follows the recording; expected a start "
-    "nearer to the vehicle (another set), fewer --parameters, or a smaller --step"
-)
 
 
 class _Problem:
@@ -96,7 +77,7 @@ class _Problem:
         ]  # fmt: skip
         self.residual = ca.Function("residual", [z], [ca.vertcat(*rows)])
         data = ca.vec(ca.vertcat(*rows) * weights)
-        prior = [_PRIOR * z[: self.n_p]]
+        prior = [PRIOR * z[: self.n_p]]
         for (i, name), place in box.x_places.items():  # weak: the length of q, a shaft's speed, …
             x_0 = starts[place, 0]
             if i == box.hull and name == "q_nb":
@@ -137,7 +118,7 @@ def fit(box: GreyBox, grid: Grid) -> Fit:
         np.concatenate([(np.array(ends) - p.center) / p.scale, sign * free])
         for ends, sign in (([f.low for f in box.fitted], -1.0), ([f.high for f in box.fitted], 1.0))
     )
-    sigma = _FIRST.copy()
+    sigma = FIRST.copy()
     iterations, stats = 0, {}
     for _ in range(3):
         weights = np.where(seen, 1.0 / sigma[:, None], 0.0)
@@ -146,23 +127,23 @@ def fit(box: GreyBox, grid: Grid) -> Fit:
         iterations += int(stats["iter_count"])
         z = np.array(found["x"]).ravel()
         if not np.all(np.isfinite(z)):
-            raise InputInvalid(_AWAY)
+            raise InputInvalid(AWAY)
         residual = np.where(seen, np.array(p.residual(z)), np.nan)
         before = sigma
         good = [row[np.isfinite(row)] for row in residual]
         sigma = np.array([max(float(np.sqrt(np.mean(r**2))), least) if len(r) else 1.0
-                          for r, least in zip(good, _LEAST, strict=True)])  # fmt: skip
+                          for r, least in zip(good, LEAST, strict=True)])  # fmt: skip
         if np.all(np.abs(np.log(sigma / before)) < 0.05):
             break
-    rho = np.array([_lag(residual[j]) for j in range(12)])
+    rho = np.array([correlation_of_lag_one(residual[j]) for j in range(12)])
     weights = np.where(seen, 1.0 / sigma[:, None], 0.0)
     widened = weights * np.sqrt((1.0 - rho) / (1.0 + rho))[:, None]
     information = _information(p, z, widened)
     if not np.all(np.isfinite(information)):
-        raise InputInvalid(_AWAY)
+        raise InputInvalid(AWAY)
     scaled = np.diag(p.scale)
     theta = p.center + p.scale * z[: p.n_p]
-    inverse = np.linalg.inv(information + _PRIOR**2 * np.eye(p.n_p))
+    inverse = np.linalg.inv(information + PRIOR**2 * np.eye(p.n_p))
     return Fit(
         theta, scaled @ inverse @ scaled, sigma, rho, information / np.outer(p.scale, p.scale),
         z[p.n_p : p.n_p + p.n_x] * p.x_scale, int(seen.sum()), iterations,
@@ -196,43 +177,13 @@ def _information(p: _Problem, z: Array, weights: Array) -> Array:
     return np.asarray(rest.T @ rest, dtype=float)
 
 
-def _lag(values: Array) -> float:
-    """Return the correlation of residuals with those of the step before, limited to 0 … 0.98."""
-    a, b = values[:-1], values[1:]
-    both = np.isfinite(a) & np.isfinite(b)
-    if both.sum() < 8:
-        return 0.0
-    power = float(np.mean(a[both] ** 2))
-    return float(np.clip(np.mean(a[both] * b[both]) / power, 0.0, 0.98)) if power > 0 else 0.0
-
-
 def _guess(box: GreyBox, grid: Grid, S: int, M: int) -> Array:
     """Return initial states (n_x, S) of the segments: the hull's measured, the others simulated."""
     from uuvsim_cosim.models.declaration.kinematics import q_of_euler
 
     n_x = box.x.numel()
     start = box.start()
-    # eta and nu at every grid point: interpolated; velocities by differences
-    y = grid.y.copy()
-    n = y.shape[1]
-    for j in range(12):
-        good = np.isfinite(y[j])
-        if good.any():
-            y[j] = np.interp(np.arange(n), np.flatnonzero(good), y[j, good])
-    if not np.isfinite(y[2]).all():
-        y[2] = 10.0  # deep enough that no surface is near
-    y[:6] = np.nan_to_num(y[:6])
-    for j in range(6):
-        if not np.isfinite(y[6 + j]).all():
-            rate = np.gradient(y[j], grid.h)
-            y[6 + j] = np.convolve(rate, np.ones(5) / 5, mode="same") if j >= 3 else 0.0
-    if not np.isfinite(grid.y[6:9]).any():
-        from scipy.ndimage import uniform_filter1d
-        from scipy.spatial.transform import Rotation
-
-        # u v w from positions and attitude, smoothed over five steps
-        rates = uniform_filter1d(np.gradient(y[:3], grid.h, axis=1), 5, axis=1)
-        y[6:9] = Rotation.from_euler("ZYX", y[[5, 4, 3]].T).inv().apply(rates.T).T
+    y = measured_motion(grid)
     step = box.step(grid.h, sloped=True)
     theta = np.array([f.start for f in box.fitted])
     euler = ca.SX.sym("e", 3)

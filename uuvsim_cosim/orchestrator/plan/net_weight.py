@@ -18,8 +18,8 @@ from uuvsim_cosim.errors import InputInvalid, Problem
 from uuvsim_cosim.models.declaration.files_read import kept_until_changed
 from uuvsim_cosim.models.declaration.library import LIBRARY
 from uuvsim_cosim.models.declaration.parameter_files import split_address, vehicle_folder
+from uuvsim_cosim.orchestrator.plan.compared_figures import floats, is_hull, scalars
 from uuvsim_cosim.orchestrator.plan.plan import PlannedComponent
-from uuvsim_cosim.orchestrator.plan.vehicle_figures import floats, is_hull, scalars
 
 __all__ = ["WEIGHT", "net_weight", "net_weight_findings", "with_values"]
 

@@ -36,8 +36,7 @@ from uuvsim_cosim.models.declaration.parameter_files import (
     vehicle_folder,
     vehicle_sets,
 )
-from uuvsim_cosim.orchestrator.plan.plan import PlannedComponent
-from uuvsim_cosim.orchestrator.plan.vehicle_figures import (
+from uuvsim_cosim.orchestrator.plan.compared_figures import (
     MATRICES,
     NUMBERS,
     POINTS,
@@ -50,6 +49,7 @@ from uuvsim_cosim.orchestrator.plan.vehicle_figures import (
     is_hull,
     with_set,
 )
+from uuvsim_cosim.orchestrator.plan.plan import PlannedComponent
 
 __all__ = ["or_forced", "vehicle_mismatches"]
 

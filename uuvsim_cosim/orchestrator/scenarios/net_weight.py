@@ -6,9 +6,9 @@ from contextlib import suppress
 from dataclasses import replace
 
 from uuvsim_cosim.errors import Problem
+from uuvsim_cosim.orchestrator.plan.compared_figures import floats
 from uuvsim_cosim.orchestrator.plan.net_weight import WEIGHT, net_weight_findings, with_values
 from uuvsim_cosim.orchestrator.plan.plan import Plan
-from uuvsim_cosim.orchestrator.plan.vehicle_figures import floats
 from uuvsim_cosim.orchestrator.scenarios.scenario import Change, Manipulation, Scenario
 from uuvsim_cosim.orchestrator.values.values import Misfit, fit
 

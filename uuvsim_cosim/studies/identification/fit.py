@@ -19,12 +19,12 @@ from uuvsim_cosim.studies.identification.fitted_model import GreyBox
 from uuvsim_cosim.studies.identification.shooting import PRIOR, Point, Shooting
 from uuvsim_cosim.studies.identification.signals import Grid
 
-__all__ = ["Fit", "expected_information", "fit"]
+__all__ = ["AWAY", "FIRST", "LEAST", "Fit", "correlation_of_lag_one", "expected_information", "fit"]
 
 Array = NDArray[np.float64]
 # First and least values of sigma: N E D [m], angles, u v w [m/s], p q r [rad/s].
-_FIRST = np.array([0.05] * 3 + [0.02] * 3 + [0.02] * 3 + [0.02] * 3)
-_LEAST = np.array([1e-4] * 3 + [1e-5] * 3 + [1e-5] * 3 + [1e-5] * 3)
+FIRST = np.array([0.05] * 3 + [0.02] * 3 + [0.02] * 3 + [0.02] * 3)
+LEAST = np.array([1e-4] * 3 + [1e-5] * 3 + [1e-5] * 3 + [1e-5] * 3)
 _ITERATIONS, _PASSES = 60, 3
 # A step that decreases the objective by less ends the fit (one standard error is 0.5); in the
 # passes before the last one, a share of the objective too.
@@ -49,7 +49,7 @@ class Fit:
     status: str
 
 
-_AWAY = (
+AWAY = (
     "the fit diverged: no finite trajectory of the model follows the recording; expected a start "
     "nearer to the vehicle (another set), fewer --parameters, or a smaller --step"
 )
@@ -69,10 +69,10 @@ def fit(
     (Ctrl-C) ends the fit with the best values so far.
     """
     p = Shooting(box, grid) if problem is None else problem
-    sigma = _FIRST.copy()
+    sigma = FIRST.copy()
     state = _State(p.at(p.theta, p.guess, sigma))
     if not state.point.is_finite:
-        raise InputInvalid(_AWAY)
+        raise InputInvalid(AWAY)
     try:
         for _ in range(_PASSES):
             _descend(p, state, sigma, progress, coarse=True)
@@ -85,10 +85,10 @@ def fit(
         state.status = "interrupted"
         sigma = _sigma(p, state.point)
     point = p.at(state.point.theta, state.point.starts, sigma)
-    rho = np.array([_lag(values) for values in p.series(point.residual)])
+    rho = np.array([correlation_of_lag_one(values) for values in p.series(point.residual)])
     information = p.information(point, np.sqrt((1.0 - rho) / (1.0 + rho)))
     if not np.all(np.isfinite(information)):
-        raise InputInvalid(_AWAY)
+        raise InputInvalid(AWAY)
     scaled = np.diag(p.scale)
     inverse = np.linalg.inv(information + PRIOR**2 * np.eye(p.n_p))
     return Fit(
@@ -104,10 +104,10 @@ def expected_information(problem: Shooting) -> Array:
     The noise is that of predictions over a window with the start values, so that errors of the
     model count as noise.
     """
-    point = problem.at(problem.theta, problem.guess, _FIRST)
+    point = problem.at(problem.theta, problem.guess, FIRST)
     sigma = _sigma(problem, point)
     point = problem.at(problem.theta, problem.guess, sigma)
-    rho = np.array([_lag(values) for values in problem.series(point.residual)])
+    rho = np.array([correlation_of_lag_one(values) for values in problem.series(point.residual)])
     information = problem.information(point, np.sqrt((1.0 - rho) / (1.0 + rho)))
     return np.asarray(information / np.outer(problem.scale, problem.scale), dtype=np.float64)
 
@@ -160,11 +160,11 @@ def _sigma(p: Shooting, point: Point) -> Array:
     good = [values[np.isfinite(values)] for values in p.series(point.residual)]
     return np.array(
         [max(float(np.sqrt(np.mean(r**2))), least) if len(r) else 1.0
-         for r, least in zip(good, _LEAST, strict=True)]
+         for r, least in zip(good, LEAST, strict=True)]
     )  # fmt: skip
 
 
-def _lag(values: Array) -> float:
+def correlation_of_lag_one(values: Array) -> float:
     """Return the correlation of residuals with those of the step before, limited to 0 … 0.98."""
     a, b = values[:-1], values[1:]
     both = np.isfinite(a) & np.isfinite(b)

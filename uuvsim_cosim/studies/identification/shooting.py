@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import final
+from typing import TYPE_CHECKING, final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,7 +22,10 @@ from uuvsim_cosim.studies.identification.fitted_model import GreyBox
 from uuvsim_cosim.studies.identification.sensitivities import Windows
 from uuvsim_cosim.studies.identification.signals import ANGLES, Grid
 
-__all__ = ["PRIOR", "Point", "Shooting"]
+if TYPE_CHECKING:
+    from scipy.spatial.transform import Rotation
+
+__all__ = ["PRIOR", "Point", "Shooting", "measured_motion"]
 
 Array = NDArray[np.float64]
 _WINDOW = 3.0  # s
@@ -237,15 +240,13 @@ def _triangular(rows: Array) -> Array:
     return np.asarray(np.linalg.qr(rows, mode="r"), dtype=np.float64)
 
 
-def _guess(problem: Shooting, grid: Grid, places: list[int]) -> Array:
-    """Return initial states (S, n_x) of the windows: the hull's measured, the others simulated."""
+def measured_motion(grid: Grid) -> Array:
+    """Return eta and nu (12, n) at every grid point, interpolated; velocities by differences."""
     from scipy.ndimage import uniform_filter1d
-    from scipy.spatial.transform import Rotation
 
-    box = problem.box
     y = grid.y.copy()
     n = y.shape[1]
-    for j in range(12):  # eta and nu at every grid point: interpolated; velocities by differences
+    for j in range(12):
         good = np.isfinite(y[j])
         if good.any():
             y[j] = np.interp(np.arange(n), np.flatnonzero(good), y[j, good])
@@ -256,15 +257,27 @@ def _guess(problem: Shooting, grid: Grid, places: list[int]) -> Array:
         if not np.isfinite(y[6 + j]).all():
             rate = np.gradient(y[j], grid.h)
             y[6 + j] = np.convolve(rate, np.ones(5) / 5, mode="same") if j >= 3 else 0.0
-    turned = Rotation.from_euler("ZYX", y[[5, 4, 3]].T)
     if not np.isfinite(grid.y[6:9]).any():
         # u v w from positions and attitude, smoothed over five steps
         rates = uniform_filter1d(np.gradient(y[:3], grid.h, axis=1), 5, axis=1)
-        y[6:9] = turned.inv().apply(rates.T).T
+        y[6:9] = _attitude(y).inv().apply(rates.T).T
+    return y
+
+
+def _attitude(y: Array) -> Rotation:
+    from scipy.spatial.transform import Rotation
+
+    return Rotation.from_euler("ZYX", y[[5, 4, 3]].T)
+
+
+def _guess(problem: Shooting, grid: Grid, places: list[int]) -> Array:
+    """Return initial states (S, n_x) of the windows: the hull's measured, the others simulated."""
+    box = problem.box
+    y = measured_motion(grid)
     out = np.tile(box.start(), (len(places), 1))
     hull = box.hull
     out[:, box.x_places[hull, "p"]] = y[:3, places].T
-    out[:, box.x_places[hull, "q_nb"]] = turned[places].as_quat(scalar_first=True)
+    out[:, box.x_places[hull, "q_nb"]] = _attitude(y[:, places]).as_quat(scalar_first=True)
     out[:, box.x_places[hull, "nu_b"]] = y[6:, places].T
     others = [p for (i, _), p in box.x_places.items() if i != hull]
     if others:
