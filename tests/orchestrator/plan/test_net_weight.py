@@ -40,6 +40,16 @@ def depth_of(system: uuv.System, until: float, folder: Path) -> float:
     return float(run.signals()["hull.eta"][-1, 2])
 
 
+def test_a_mass_without_its_weight_is_a_warning_for_a_hull_that_has_both() -> None:
+    system = uuv.system_of("remus100")
+    assert not [w for w in flatten(system).warnings if "W" in w]
+    (warning,) = [w for w in flatten(system.set("hull.m", 60.0)).warnings if "weight W" in w]
+    assert warning.startswith("hull: m is set, and the weight W")
+    assert "stays 299 N" in warning
+    both = system.set("hull.m", 31.0).set("hull.W", 31.0 * 9.81)
+    assert not [w for w in flatten(both).warnings if "weight W" in w]
+
+
 @pytest.mark.parametrize("vehicle", vehicle_ids())
 def test_the_shipped_vehicles_are_carried(vehicle: str) -> None:
     for mission in ("hold", "survey"):

@@ -60,9 +60,17 @@ class _Carried:
 def net_weight_findings(components: Iterable[PlannedComponent]) -> tuple[list[Problem], list[str]]:
     """Return a problem for each hull whose actuators cannot carry its net weight, and warnings.
 
-    A warning is about a hull with fins whose net weight is far from that of its autopilot's gains.
+    A warning is about a hull with fins whose net weight is far from that of its autopilot's gains,
+    and about a hull whose weight W does not follow a mass that was set.
     """
-    problems, warnings = [], []
+    components = list(components)
+    problems: list[Problem] = []
+    warnings = [
+        f"{c.path}: m is set, and the weight W, a parameter of its own, stays "
+        f"{_values(c)['W']:.4g} N; expected W beside it, if the vehicle's weight changes"
+        for c in components
+        if is_hull(c) and "m" in c.start and "W" not in c.start and "W" in scalars(c)
+    ]
     for b in _balances(components):
         net, (most, by) = b.net, b.carried.most(b.net > 0.0, b.speed)
         if abs(net) > most + b.ballast:
