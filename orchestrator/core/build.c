@@ -4,6 +4,7 @@
 
 #include "fast_path.h"
 #include "iterate.h"
+#include "variable_step.h"
 
 slot_class class_of(int type) {
     if (type <= UUV_CORE_FLOAT32) return CLASS_FLOAT;
@@ -26,6 +27,7 @@ UUV_CORE_API uuv_core *uuv_core_new(uint32_t n_members, uint32_t n_slots, uint64
     core->n_slots = n_slots;
     core->num = num;
     core->den = den;
+    core->stride = 1;
     core->members = calloc(n_members + 1, sizeof *core->members);
     core->slots = calloc(2 * (size_t)n_slots + 1, sizeof *core->slots);
     core->fresh = core->slots + n_slots;
@@ -74,6 +76,7 @@ UUV_CORE_API void uuv_core_free(uuv_core *core) {
         free_faults(&core->members[i]);
     }
     free_groups(core);
+    free_variable_step(core);
     for (uint64_t i = 0; i < r->capacity; i++) free(r->texts[i].data);
     free(r->texts);
     free(r->runs);

@@ -132,6 +132,7 @@ struct member { /* what every step reads comes first */
     void *get;
     uuv_slot *fresh; /* where its outputs are read to: the visible slots, or those of `early` */
     int sequential;
+    int follows;  /* its step has the variable length of the system's */
     int stepping; /* its step has been posted, and not been collected */
     struct iteration *group; /* the iterated group that it belongs to, or NULL */
     access *sets, *gets;
@@ -173,6 +174,8 @@ struct uuv_core {
     member *members;
     uint32_t n_members, n_slots;
     uint64_t num, den, tick;
+    uint64_t stride; /* ticks of the step that is being made: 1, or the variable length */
+    struct variable_step *varied; /* NULL: every step is one tick */
     uuv_slot *slots, *fresh; /* one array: fresh begins where slots end */
     uint8_t *classes;
     double *turns; /* of a slot that holds an angle: a full turn in its unit; else 0 */

@@ -106,6 +106,7 @@ class Description:
     can_get_and_set_state: bool = False
     can_serialize_state: bool = False
     can_be_instantiated_only_once: bool = False
+    can_handle_variable_step: bool = True  # FMI's canHandleVariableCommunicationStepSize
     provides_directional_derivatives: bool = False
     needs_execution_tool: bool = False
     made_for: Mapping[str, str] = field(default_factory=dict)  # see fmus/pairs.py

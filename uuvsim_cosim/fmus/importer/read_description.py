@@ -134,6 +134,8 @@ def read_fmu(
         can_get_and_set_state=flag(element, "canGetAndSetFMUstate", "canGetAndSetFMUState"),
         can_serialize_state=flag(element, "canSerializeFMUstate", "canSerializeFMUState"),
         can_be_instantiated_only_once=flag(element, "canBeInstantiatedOnlyOncePerProcess"),
+        can_handle_variable_step=chosen == "ModelExchange"  # this package's solver ends anywhere
+        or flag(element, "canHandleVariableCommunicationStepSize"),
         provides_directional_derivatives=flag(
             element, "providesDirectionalDerivative", "providesDirectionalDerivatives"
         ),

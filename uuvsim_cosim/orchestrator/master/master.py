@@ -49,6 +49,7 @@ from uuvsim_cosim.orchestrator.master.replacement import (
 from uuvsim_cosim.orchestrator.master.restart import InstancePool, Restart, is_pooled
 from uuvsim_cosim.orchestrator.master.serving import serve
 from uuvsim_cosim.orchestrator.master.snapshot import LoopState, Snapshot
+from uuvsim_cosim.orchestrator.master.step_report import VariableStepReport
 from uuvsim_cosim.orchestrator.plan.algebraic_loops import delay_remark, hops_of, loop_gain
 from uuvsim_cosim.orchestrator.plan.plan import Plan, PlannedComponent
 from uuvsim_cosim.orchestrator.plan.start import Starts, enter_initialization, variable_of
@@ -320,7 +321,8 @@ class Master:
     @property
     def remarks(self) -> tuple[str, ...]:
         """Warnings about delayed loops: a gain with which one diverges, or a large residual."""
-        return (*self._remarks, *loop_remarks(self._ready()))
+        of_step = () if self.variable_step is None else self.variable_step.remarks()
+        return (*self._remarks, *loop_remarks(self._ready()), *of_step)
 
     @property
     def tick(self) -> int:
@@ -333,7 +335,11 @@ class Master:
         return self._seconds(self.tick)
 
     def step(self, n: int = 1) -> None:
-        """Make `n` communication steps; raises ComponentFailed, LoopNotConverged."""
+        """Make `n` communication steps; raises ComponentFailed, LoopNotConverged.
+
+        With a variable communication step, `n` is a number of ticks, and the last step may end
+        later.
+        """
         try:
             steps = index(n)
         except TypeError:
@@ -351,6 +357,22 @@ class Master:
             if failure is not None:
                 self._fail(failure)
             tick = core.tick
+
+    def stop_at(self, tick: int) -> None:
+        """Let no step of variable length go beyond a communication point, until it is reached."""
+        self._ready().core.horizon(tick)
+
+    @property
+    def variable_step(self) -> VariableStepReport | None:
+        """How many steps of variable length were made, and how long; None: steps are fixed."""
+        if self.plan.variable is None:
+            return None
+        counts, tick = self._ready().core.step_counts(), float(self.plan.tick)
+        return VariableStepReport(
+            steps=counts.steps, rejected=counts.rejected, unsatisfied=counts.unsatisfied,
+            shortest=min(counts.least, counts.most) * tick, longest=counts.most * tick,
+            largest_estimate=counts.worst, time_of_largest=self._seconds(counts.worst_tick),
+        )  # fmt: skip
 
     def run_until(self, time: float | Fraction | str) -> None:
         """Step to the first communication point at or after `time` [s]; errors as of `step`."""
@@ -778,6 +800,8 @@ class Master:
         ticks = self.plan.components[tables.order[failure.member]].step_ticks
         begin, end = self._seconds(failure.tick), self._seconds(failure.tick + ticks)
         in_c = failure.outcome == Outcome.ENDED
+        if self.plan.variable is not None:  # the others would make a step of another length
+            raise error
         whole = failure.status == 1 if in_c else error.time >= end - 1e-6 * (end - begin)
         if whole and tables.core.accept_step(failure.member):
             self.step(ticks)
