@@ -69,7 +69,7 @@ static size_t past_size(const struct variable_step *v) { return v->n_sources * U
 int begin_variable_step(uuv_core *core) {
     struct variable_step *v = core->varied;
     if (!v) return 1;
-    v->now = (step_state){.next = v->set.first, .counts.least = UINT64_MAX};
+    v->now = (step_state){.next = v->set.first, .before = 1.0, .counts.least = UINT64_MAX};
     v->horizon = UINT64_MAX;
     if (v->slots) return 1;
     v->past = calloc(v->n_sources + 1, UUV_PAST * sizeof *v->past);

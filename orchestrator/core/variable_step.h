@@ -27,7 +27,7 @@ typedef struct {
 typedef struct {
     uint64_t next;              /* ticks of the next step, unless something is due before its end */
     uint64_t known;             /* communication points in the past */
-    double before;              /* estimate of the last step; 0 before the first */
+    double before;              /* estimate of the last step, 1 before the first; 0: of none */
     double times[UUV_PAST];     /* s, of the communication points, the latest first */
     uuv_step_counts counts;
 } step_state;

@@ -176,7 +176,7 @@ class Core:
         absolute: float,
         relative: float,
     ) -> None:
-        """Choose the variable step by the error of a connection; `slots` are (target's, source's)."""
+        """Choose the step by the error of a connection; `slots` are (target's, source's)."""
         self._c.uuv_core_judge(self._core, *slots, *conversion, absolute, relative)
 
     def bond(self, slots: Sequence[int]) -> None:

@@ -18,8 +18,8 @@ from uuvsim_cosim.content import content
 from uuvsim_cosim.errors import UuvsimError
 from uuvsim_cosim.fmus.description import Variable
 
-__all__ = ["Action", "Coupling", "Failure", "Outcome", "StepControl", "StepCounts", "Type", "by_type", "decode", "encode",
-           "library", "read_blob", "write_blob"]  # fmt: skip
+__all__ = ["Action", "Coupling", "Failure", "Outcome", "StepControl", "StepCounts", "Type",
+           "by_type", "decode", "encode", "library", "read_blob", "write_blob"]  # fmt: skip
 
 
 class Type(IntEnum):

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import ctypes
 import logging
-from collections.abc import Callable, Sequence
+from bisect import bisect_right
+from collections.abc import Callable, Iterable, Sequence
 from fractions import Fraction
 from functools import partial
 from operator import index
@@ -57,6 +58,7 @@ from uuvsim_cosim.orchestrator.values.values import Misfit, as_array, fit
 
 __all__ = ["Master", "Starts"]
 
+_NEVER = 2**64 - 1  # a tick
 _SECONDS = 0.2  # longest wall time of one call into C, so that Ctrl-C is prompt
 log = logging.getLogger("uuvsim_cosim.master")
 
@@ -144,6 +146,7 @@ class Master:
         self._hash = snapshots.plan_hash(plan)
         self._instantiate = instantiate
         self._last: Snapshot | None = None  # the snapshot that was taken last
+        self._stops: list[int] = []  # ticks that no step of variable length passes
         self._retired: list[Tables] = []  # of earlier plans; freed last, as views of them may exist
         self._recorded: list[tuple[int, Variable]] = []
         self._pools = [InstancePool(partial(instantiate, planned)) for planned in plan.components]
@@ -350,17 +353,26 @@ class Master:
         tick = core.tick
         end = tick + steps
         while tick < end:
+            stop = end
+            if self.plan.variable is not None:
+                later = bisect_right(self._stops, tick)
+                horizon = self._stops[later] if later < len(self._stops) else _NEVER
+                core.horizon(horizon)
+                stop = min(end, horizon)
             # C returns when the steps are made, rows are full, or time has passed. Rows are passed
             # on before a failure is raised, so that a recording has all steps before it.
-            failure = core.run(end - tick, _SECONDS)
+            failure = core.run(stop - tick, _SECONDS)
             self._emit()
             if failure is not None:
                 self._fail(failure)
             tick = core.tick
 
-    def stop_at(self, tick: int) -> None:
-        """Let no step of variable length go beyond a communication point, until it is reached."""
-        self._ready().core.horizon(tick)
+    def stop_at(self, ticks: Iterable[int]) -> None:
+        """Let no step of variable length go beyond these ticks, which become communication points.
+
+        A fixed step reaches every tick anyway.
+        """
+        self._stops = sorted({*self._stops, *ticks})
 
     @property
     def variable_step(self) -> VariableStepReport | None:

@@ -29,8 +29,8 @@ class VariableStepReport:
         if not self.unsatisfied:
             return ()
         return (
-            f"variable step: {self.unsatisfied} of {self.steps} steps of the smallest length have "
-            f"an error above the tolerance; the largest is {self.largest_estimate:.3g} times the "
-            f"tolerance at t = {self.time_of_largest:.6g} s; expected a smaller smallest=, larger "
-            "tolerances, or an iterated group",
+            f"variable step: {self.unsatisfied} of {self.steps} steps have an error above the "
+            "tolerance, because no shorter step is allowed; the largest is "
+            f"{self.largest_estimate:.3g} times the tolerance at t = {self.time_of_largest:.6g} s; "
+            "expected a smaller smallest=, larger tolerances, or an iterated group",
         )

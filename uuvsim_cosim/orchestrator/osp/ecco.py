@@ -46,7 +46,7 @@ def read_ecco(root: Xml, bonds: Sequence[PowerBond], reading: Reading) -> Variab
         reading.wrong(place, f"no {', '.join(missing)}", "all settings of ecco, as libcosim needs")
         return None
     try:
-        return VariableStep(  # type: ignore[misc]
+        return VariableStep(
             **read,  # type: ignore[arg-type]  # lengths are Fractions, numbers are floats
             rollback=False, estimate="bonds", bonds=tuple(bonds),
         )  # fmt: skip

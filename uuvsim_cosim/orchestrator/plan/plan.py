@@ -165,6 +165,11 @@ class Plan:
             found.setdefault(t.target, []).append(t)
         return found
 
+    def longest_step(self, component: int) -> int:
+        """Return the communication step of a component in ticks; of a variable one, the longest."""
+        ticks = self.components[component].step_ticks
+        return self.variable.largest if self.variable is not None and ticks == 1 else ticks
+
     def hop(self, t: Transfer) -> str:
         """Return the text of a transfer for messages, ``a.y -> b.u``."""
         source, target = self.components[t.source].path, self.components[t.target].path

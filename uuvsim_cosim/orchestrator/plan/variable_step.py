@@ -46,7 +46,7 @@ def planned_variable_step(
                     _PLACE,
                     f"{name} {step_text(lengths[name])} s is no multiple of the tick of "
                     f"{step_text(tick)} s",
-                    "a multiple, or a smaller tick",
+                    "a multiple, or a smaller tick (tick=1e-6)",
                 )
             )
     for c in components:

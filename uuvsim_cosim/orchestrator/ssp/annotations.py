@@ -90,7 +90,11 @@ def system_step(root: Xml, system: Xml, remarks: list[str]) -> str | None:
     """Return a system's step; that of the document `root` counts for its outermost system."""
     note = find_annotation(system)
     found: list[tuple[str, str]] = []
-    if note is not None and note.get("tick") and next(_local(note, "VariableStep"), None) is not None:
+    if (
+        note is not None
+        and note.get("tick")
+        and next(_local(note, "VariableStep"), None) is not None
+    ):
         return note.get("tick")  # the others have the length of its first step
     if note is not None and note.get("tick"):
         found.append(("org.uuvsim.cosim", note.get("tick", "")))
@@ -118,7 +122,9 @@ def variable_step_xml(step: VariableStep) -> Xml:
     """Write a variable step, with its power bonds and the tolerances of connections."""
     xml = Xml("uuvsim:VariableStep", settings=step.text())
     for bond in step.bonds:
-        ends = zip(("input", "output", "otherInput", "otherOutput"), bond.first + bond.second, strict=True)
+        ends = zip(
+            ("input", "output", "otherInput", "otherOutput"), bond.first + bond.second, strict=True
+        )
         SubElement(xml, "uuvsim:PowerBond", {"name": bond.name, **dict(ends)})
     for name, absolute, relative in step.tolerances:
         SubElement(
@@ -144,7 +150,7 @@ def variable_step_of(note: Xml) -> VariableStep | None:
         (t.get("input", ""), _number(t, "absolute"), _number(t, "relative"))
         for t in _local(xml, "Tolerance")
     ]
-    step = variable_step_of_text(xml.get("settings", ""))
+    step, _ = variable_step_of_text(xml.get("settings", ""))
     return replace(step, bonds=tuple(bonds), tolerances=tuple(tolerances))
 
 

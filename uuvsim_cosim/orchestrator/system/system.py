@@ -305,8 +305,9 @@ class System(Structure):
     def with_variable_step(self, step: VariableStep | str | None) -> System:
         """Return the system with a communication step of variable length; None: a fixed one.
 
-        `step` is a `VariableStep`, or its settings as text (lengths in s). The components without
-        a communication step of their own follow it, in whole ticks of this system.
+        `step` is a `VariableStep`, or its settings as text (lengths in s), which may give the
+        system another tick (``tick=1e-6``). The components without a communication step of their
+        own follow it, in whole ticks.
 
         Example:
 
@@ -316,9 +317,11 @@ class System(Structure):
         >>> varied.variable_step.largest
         Fraction(1, 10)
         """
+        tick = self.tick
         if isinstance(step, str):
-            step = variable_step_of_text(step, self.variable_step)
-        return replace(self, variable_step=step)
+            step, own = variable_step_of_text(step, self.variable_step)
+            tick = own or tick
+        return replace(self, tick=tick, variable_step=step)
 
     def expose(self, name: str, path: str) -> System:
         """Make the inner connector at `path` a connector `name` of the system.

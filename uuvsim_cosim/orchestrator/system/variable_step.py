@@ -88,7 +88,10 @@ class VariableStep:
         for name, x in (("absolute", self.absolute), ("relative", self.relative), *own):
             if not (isfinite(x) and x >= 0.0):
                 raise InputInvalid(_PLACE, f"{name} {x:g}", "a number, 0 or more")
-        for absolute, relative in ((self.absolute, self.relative), *(t[1:] for t in self.tolerances)):
+        for absolute, relative in (
+            (self.absolute, self.relative),
+            *(t[1:] for t in self.tolerances),
+        ):
             if absolute == 0.0:
                 raise InputInvalid(
                     _PLACE,
@@ -128,7 +131,9 @@ class VariableStep:
             f"{f.name}={_written(getattr(self, f.name))}"
             for f in fields(self)
             if f.name not in ("bonds", "tolerances")
-            and (f.name in ("smallest", "largest") or getattr(self, f.name) != getattr(plain, f.name))
+            and (
+                f.name in ("smallest", "largest") or getattr(self, f.name) != getattr(plain, f.name)
+            )
         ]
         return " ".join(words)
 
@@ -139,25 +144,32 @@ def _written(value: object) -> str:
     return repr(value) if isinstance(value, float) else str(value)
 
 
-def variable_step_of_text(text: str, base: VariableStep | None = None) -> VariableStep:
+def variable_step_of_text(
+    text: str, base: VariableStep | None = None
+) -> tuple[VariableStep, Fraction | None]:
     """Read ``smallest=1e-5 largest=1e-2 relative=1e-5 order=1``; raises InputInvalid.
 
-    Names are those of `VariableStep`, lengths are in s. What is not named is that of `base`.
+    Names are those of `VariableStep`, lengths are in s. What is not named is that of `base`. Return
+    a `tick` [s] as well if the text names one.
     """
     names = [f.name for f in fields(VariableStep) if f.name not in ("bonds", "tolerances")]
     given: dict[str, object] = {}
+    tick: Fraction | None = None
     for word in text.replace(",", " ").split():
         name, equals, value = word.partition("=")
+        if name == "tick" and equals:
+            tick = Fraction(str(_read("smallest", value)))
+            continue
         if name not in names or not equals:
-            expected = f"{expected_names(name, names, 'a setting')}, as largest=0.01"
+            expected = f"{expected_names(name, [*names, 'tick'], 'a setting')}, as largest=0.01"
             raise InputInvalid(_PLACE, f"{word!r}", expected)
         given[name] = _read(name, value)
     if base is not None:
-        return replace(base, **given)  # type: ignore[arg-type]  # of the types that `_read` gives
+        return replace(base, **given), tick  # type: ignore[arg-type]  # of `_read`'s types
     missing = [n for n in ("smallest", "largest") if n not in given]
     if missing:
         raise InputInvalid(_PLACE, f"no {' and no '.join(missing)} in {text!r}", "both, in s")
-    return VariableStep(**given)  # type: ignore[arg-type]
+    return VariableStep(**given), tick  # type: ignore[arg-type]
 
 
 def _read(name: str, value: str) -> object:
