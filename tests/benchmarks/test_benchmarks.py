@@ -44,6 +44,7 @@ SHORT: dict[str, str] = {
     "bridge/round_trips": "--count 20",
     "snapshot_cost": "--repeats 5",
     "terrain": "CHART --resolution 50",
+    "variable_step": "--until 0.01 --repeats 1",
     "web_page": "bluerov2_hold --seconds 0.02 --repeats 1",
 }
 # Not in the extra `dev`: without it, the benchmark says what is missing, with status 2.

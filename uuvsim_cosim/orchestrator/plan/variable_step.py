@@ -6,7 +6,6 @@ from collections.abc import Iterator, Sequence
 from fractions import Fraction
 
 from uuvsim_cosim.errors import Problem, SystemInvalid
-from uuvsim_cosim.fmus.description import Variable
 from uuvsim_cosim.models.declaration.near_names import expected_names
 from uuvsim_cosim.orchestrator.plan.plan import (
     Group,
@@ -102,7 +101,10 @@ def _judged(
     groups: Sequence[Group],
     problems: list[Problem],
 ) -> Iterator[tuple[int, float, float]]:
-    """Yield (transfer, absolute, relative) of the delayed connections of continuous numbers."""
+    """Yield (transfer, absolute, relative) of delayed connections.
+
+    They are those of continuous numbers, and those that have tolerances of their own.
+    """
     group_of = {i: g for g in groups for i in g.members}
     own = {name: (absolute, relative) for name, absolute, relative in step.tolerances}
     known: list[str] = []
@@ -119,18 +121,16 @@ def _judged(
         ends = components[t.source], components[t.target]
         if early or t.table or any(c.step_ticks != 1 for c in ends):
             continue
-        if not (_is_continuous(t.source_variable) and t.target_variable.type == "Float64"):
+        if not t.source_variable.type == t.target_variable.type == "Float64":
             continue
         name = f"{ends[1].path}.{t.target_variable.name}"
         known.append(name)
-        yield n, *own.pop(name, (step.absolute, step.relative))
-    for name in own:
+        if t.source_variable.variability != "continuous" and name not in own:
+            continue
+        yield n, *own.get(name, (step.absolute, step.relative))
+    for name in own.keys() - set(known):
         expected = expected_names(name, known, "a connected input that the step is chosen by")
         problems.append(Problem(f"{_PLACE}: tolerances", f"no connection to {name!r}", expected))
-
-
-def _is_continuous(v: Variable) -> bool:
-    return v.type == "Float64" and v.variability == "continuous"
 
 
 def _bonds(

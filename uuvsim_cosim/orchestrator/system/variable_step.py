@@ -39,7 +39,8 @@ class VariableStep:
 
     - "connections": the difference between the input that was used and the value that follows from
       the output at the step's end, the largest of all delayed connections of continuous numbers.
-      `tolerances` gives a connection, by its input, an absolute and a relative one of its own.
+      `tolerances` gives a connection, by its input, an absolute and a relative one of its own,
+      and adds connections of outputs that are declared as discrete.
     - "bonds": the energy residual of the power `bonds` (Sadjina et al. 2017, as libcosim has it).
     - "both": the larger of the two.
 
