@@ -23,8 +23,9 @@ def rigid_sphere(radius: ArrayLike, frequency: ArrayLike, c: float = 1500.0) -> 
 
         L = (1/k) | sum over n of (-1)^n (2 n + 1) j_n'(ka) / h_n'(ka) |,   TS = 20 log10 L,
 
-    where j_n is the spherical Bessel function and h_n the spherical Hankel function. Raises `InputInvalid` for a radius, frequency or speed
-    that is not above 0, and for ka above 20,000.
+    where j_n is the spherical Bessel function and h_n the spherical Hankel function.
+    Raises `InputInvalid` for a radius, frequency or speed that is not above 0, and for ka above
+    20,000.
 
     Example: a ball of 0.5 m at 450 kHz has almost the target strength of geometry, a²/4.
 
