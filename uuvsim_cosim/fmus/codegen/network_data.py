@@ -8,11 +8,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uuvsim_cosim.fmus.codegen.scene_data import contact_text, frame_call, ray_text
+from uuvsim_cosim.fmus.codegen.sonar_data import sonar_text
 from uuvsim_cosim.models.hull.contact import HullContact, HullPlace
 from uuvsim_cosim.models.intrinsics.field import Field
 from uuvsim_cosim.models.intrinsics.network import NETWORKS, Layer, Network
 from uuvsim_cosim.models.intrinsics.transformer import Transformer
 from uuvsim_cosim.models.worlds.rays import Frame, Rays
+from uuvsim_cosim.models.worlds.sonar_image import SonarImage
 
 __all__ = [
     "HEADER",
@@ -67,6 +69,8 @@ def network_data(name: str) -> str:
         return "".join(contact_text(n))
     if isinstance(n, Rays | Frame):
         return "".join(ray_text(n))
+    if isinstance(n, SonarImage):
+        return "".join(sonar_text(n))
     if isinstance(n, Transformer):
         return "".join(transformer_text(n))
     assert isinstance(n, Network)

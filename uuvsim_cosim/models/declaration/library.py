@@ -51,6 +51,7 @@ LIBRARY: dict[str, str] = {
     "gps": "uuvsim_cosim.models.sensors.gps:gps",
     "guidance": "uuvsim_cosim.models.guidance.line_of_sight:guidance",
     "helm": "uuvsim_cosim.models.guidance.helm:helm",
+    "imaging_sonar": "uuvsim_cosim.models.sensors.imaging_sonar:imaging_sonar",
     "imu": "uuvsim_cosim.models.sensors.imu:imu",
     "lbl": "uuvsim_cosim.models.sensors.lbl:lbl",
     "leak": "uuvsim_cosim.models.sensors.leak:leak",
