@@ -26,6 +26,7 @@ import numpy as np
 from uuvsim_cosim.bridge.ros2.frames import Array
 from uuvsim_cosim.errors import UuvsimError
 from uuvsim_cosim.models.sensors.multibeam_and_camera import beams_of
+from uuvsim_cosim.models.sensors.sonar_axes import sonar_axes
 from uuvsim_cosim.models.worlds.scene import load_scene
 from uuvsim_cosim.orchestrator.plan.plan import Plan, PlannedComponent
 
@@ -83,6 +84,12 @@ def _rays(c: PlannedComponent) -> dict[str, Array]:
         beams = [np.sin(t) * np.cos(a), np.sin(t) * np.sin(a), np.cos(t) * np.ones(a.shape)]
         return {"@directions": np.stack(beams, axis=-1), "@scale": np.ones(a.shape)}
     name, options = _options(c)
+    if (axes := sonar_axes(c.source)) is not None:
+        b = axes.bearings
+        along = np.stack([np.cos(b), np.sin(b), np.zeros_like(b)], axis=-1)
+        return {
+            "@bearings": b, "@ranges": axes.ranges, "@directions": along, "@scale": np.ones(len(b))
+        }  # fmt: skip
     try:
         d = np.asarray(beams_of(name, options.pop("id", ""), **options).directions)
     except (UuvsimError, TypeError, ValueError):
