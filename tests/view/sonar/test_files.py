@@ -65,8 +65,9 @@ def test_the_xtf_file_is_read_back_by_pyxtf(tmp_path: Path) -> None:
     count = float(scans.magnitude.max()) / 65_535
     assert f"{count:.4g} Pa" in notes[1]
     for k, ping in enumerate(pings):
-        for side in range(2):
-            assert ping.data[side] * count == pytest.approx(scans.magnitude[k, side], abs=count / 2)
+        port, starboard = ping.data
+        assert port[::-1] * count == pytest.approx(scans.magnitude[k, 0], abs=count / 2)
+        assert starboard * count == pytest.approx(scans.magnitude[k, 1], abs=count / 2)
     assert pings[4].data[1].argmax() == 30
 
 
@@ -78,10 +79,11 @@ def test_the_xtf_pings_have_time_place_attitude_and_ranges(tmp_path: Path) -> No
     assert (ping.SensorYcoordinate, ping.SensorXcoordinate) == (3.0, 7.0)
     assert ping.SensorDepth == 3.0
     assert ping.SensorHeading == pytest.approx(330.0)
-    assert ping.SoundVelocity == 1500.0
+    assert ping.SoundVelocity == 750.0
     channel = ping.ping_chan_headers[1]
     assert (channel.SlantRange, channel.NumSamples, channel.Frequency) == (50.0, 50, 450)
     assert channel.TimeDuration == pytest.approx(2.0 * 50.0 / 1500.0)
+    assert channel.TimeDuration * ping.SoundVelocity == pytest.approx(channel.SlantRange)
     assert channel.SecondsPerPing == pytest.approx(0.5)
 
 

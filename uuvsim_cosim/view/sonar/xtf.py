@@ -1,7 +1,9 @@
 """Pings of a side-scan sonar in the eXtended Triton Format (XTF), by pyxtf.
 
-Samples are whole numbers of 16 bits, proportional to the magnitude, in the order in which they
-arrive on both sides. Positions are metres east and north of the local frame's origin.
+Samples are whole numbers of 16 bits, proportional to the magnitude. Those of the port side begin
+with the farthest one, those of the starboard side with the nearest one, as the format demands, so
+that both sides side by side are an image. Its speed of sound is half of that of the water, which
+turns a time into a range. Positions are metres east and north of the local frame's origin.
 """
 
 from __future__ import annotations
@@ -73,7 +75,8 @@ def _ping(pyxtf: Any, scans: SonarScans, k: int, count: float, step: float) -> b
     p.HSeconds = when.microsecond // 10_000
     p.JulianDay = when.timetuple().tm_yday
     p.PingNumber = k
-    p.SoundVelocity = p.ComputedSoundVelocity = scans.sound_speed
+    p.SoundVelocity = scans.sound_speed / 2.0
+    p.ComputedSoundVelocity = scans.sound_speed
     if scans.eta is not None:
         north, east, down, roll, pitch, yaw = scans.eta[k].tolist()
         p.SensorYcoordinate = p.ShipYcoordinate = north
@@ -96,7 +99,8 @@ def _ping(pyxtf: Any, scans: SonarScans, k: int, count: float, step: float) -> b
         channel.Frequency = round(scans.frequency / 1e3)
         channel.NumSamples = len(scans.ranges)
         p.ping_chan_headers.append(channel)
-        p.data.append(np.round(scans.magnitude[k, i] / count).astype("<u2"))
+        samples = scans.magnitude[k, i, :: 1 if i else -1]
+        p.data.append(np.round(samples / count).astype("<u2"))
     p.NumChansToFollow = 2
     p.NumBytesThisRecord = len(p.to_bytes())
     return bytes(p.to_bytes())
