@@ -8,6 +8,8 @@ Numeric parameters have their own names. Names that begin with @ are found other
 @grid          rows and columns of an image
 @depth         1: the image has depths along the optical axis
 @fan           angle of the first beam and from beam to beam [rad], about -x of `s`
+@bearings      (beams,) of a sonar's beams [rad], from its x axis towards y
+@ranges        (bins,) of the middles of a sonar's range bins [m]
 @place         of the origin of `n`: 0, its latitude and longitude [deg]; or the EPSG number of a
                projected system, and northing and easting there [m]
 ============== =================================================================================

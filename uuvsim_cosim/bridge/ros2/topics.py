@@ -114,6 +114,12 @@ _RULES = (
     _Rule("sensor_msgs/msg/PointCloud2", "points", {"range": "image"}, "link"),
     _Rule("sensor_msgs/msg/LaserScan", "scan", {"range": "range"}, "scan"),
     _Rule("marine_acoustic_msgs/msg/SonarRanges", "ranges", {"range": "range"}, "sonar"),
+    _Rule("marine_acoustic_msgs/msg/ProjectedSonarImage", "projected_image",
+          {"magnitude": "magnitude"}, "sonar"),
+    _Rule("marine_acoustic_msgs/msg/RawSonarImage", "raw_image", {"magnitude": "magnitude"},
+          "sonar"),
+    _Rule("marine_acoustic_msgs/msg/SonarDetections", "detections",
+          {"range": "range", "magnitude": "magnitude"}, "sonar"),
     _Rule("sensor_msgs/msg/Image", "image", {"image": "image"}, "optical"),
     _Rule("sensor_msgs/msg/CameraInfo", "camera_info", {"image": "image"}, "optical"),
     _Rule("geometry_msgs/msg/WrenchStamped", "wrench", {"tau": "tau"}, "base"),
@@ -125,6 +131,7 @@ _FACTS = {
     "@directions": "the directions of the beams", "@scale": "the directions of the beams",
     "@fan": "beams in one plane", "@grid": "rows and columns", "@depth": "depths, not ranges",
     "@place": "the place of the local frame on Earth",
+    "@bearings": "the bearings of a sonar's beams", "@ranges": "the ranges of a sonar's bins",
 }  # fmt: skip
 
 
@@ -304,8 +311,10 @@ def _problems(
         return
     scale = known.get("@scale")
     for role, name in topic.signals.items():
-        if sizes[role] == ANY and scale is not None and variables[name].size != len(scale):
-            yield f"{role}: {name} has {variables[name].size} elements; expected {len(scale)}"
+        if sizes[role] == ANY and scale is not None:
+            size = len(scale) * (len(known["@ranges"]) if role == "magnitude" else 1)
+            if variables[name].size != size:
+                yield f"{role}: {name} has {variables[name].size} elements; expected {size}"
 
 
 def topics_text(topics: Iterable[Topic]) -> str:
