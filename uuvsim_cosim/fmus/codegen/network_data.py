@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uuvsim_cosim.fmus.codegen.scene_data import contact_text, frame_call, ray_text
-from uuvsim_cosim.fmus.codegen.sonar_data import sonar_text
+from uuvsim_cosim.fmus.codegen.sonar_data import sonar_call, sonar_text
 from uuvsim_cosim.models.hull.contact import HullContact, HullPlace
 from uuvsim_cosim.models.intrinsics.field import Field
 from uuvsim_cosim.models.intrinsics.network import NETWORKS, Layer, Network
@@ -48,6 +48,10 @@ def network_call(k: int, called: str, a: list[str]) -> Iterator[str]:
     if isinstance(n, Frame):
         yield frame_call(k, n, a)
         yield from (f"t{k}.y[{j}]" for j in range(n.n_out))
+        return
+    if isinstance(n, SonarImage):
+        yield sonar_call(k, n, a)
+        yield from (f"y{k}[{j}]" for j in range(n.n_out))
         return
     suffix, groups, count, kind = "", [a], n.n_out, ""
     if called.startswith(FORWARD):

@@ -12,7 +12,13 @@ from uuvsim_cosim.fmus.codegen.scene_data import doubles, scene_text
 from uuvsim_cosim.models.worlds.sonar_geometry import AMPLITUDES, TURNS
 from uuvsim_cosim.models.worlds.sonar_image import SonarImage, over_cosine
 
-__all__ = ["sonar_arrays", "sonar_text"]
+__all__ = ["sonar_arrays", "sonar_call", "sonar_numbers", "sonar_text"]
+
+
+def sonar_call(k: int, n: SonarImage, a: list[str]) -> str:
+    """Return the line that computes an image, into an array that is not on the stack."""
+    given = ", ".join(x or "uuv_const(0.0)" for x in a)
+    return f"static _Thread_local V y{k}[{n.n_out}]; {n.name}((const V[]){{{given}}}, y{k});"
 
 
 def sonar_arrays(n: SonarImage) -> dict[str, NDArray[Any]]:
@@ -68,26 +74,25 @@ def sonar_text(n: SonarImage) -> Iterator[str]:
     whole_of = pixels + beams + 2
     room = f"UUV_SONAR_ROOM({beams}, {g.bins}, {g.fine}, {g.pad}, {int(n.labels)})"
     row = f"(int64_t)b * UUV_SONAR_ROW({g.bins}) + i"
-    yield f"typedef struct {{ V y[{n.n_out}]; }} {n.name}_values;\n"
-    yield f"static {n.name}_values {n.name}(const V *x) {{\n"
+    yield f"static void {n.name}(const V *x, V *y) {{\n"
     yield f"    static _Thread_local float room[{room}], seen[{whole_of}];\n"
-    yield f"    {n.name}_values r;\n    double in[{n.n_in}];\n"
+    yield f"    double in[{n.n_in}];\n"
     yield f"    uuv_sonar_work w = uuv_sonar_work_(&{n.name}_sonar, room, {int(n.labels)});\n"
     yield "    for (int lane = 0; lane < UUV_W; lane++) {\n"
     yield f"        for (int i = 0; i < {n.n_in}; i++) in[i] = uuv_lane(x[i], lane);\n"
     yield f"        uuv_sonar_echoes(&{n.ground.name}, &{n.name}_sonar, in, &w);\n"
     yield f"        uuv_sonar_receive(&{n.name}_sonar, in, &w, seen);\n"
-    yield f"        for (int i = 0; i < {whole_of}; i++) UUV_PUT_LANE(r.y[i], lane, seen[i]);\n"
+    yield f"        for (int i = 0; i < {whole_of}; i++) UUV_PUT_LANE(y[i], lane, seen[i]);\n"
     planes = [*(["w.re", "w.im"] if n.complex else []), *(["w.label"] if n.labels else [])]
     if planes:
         yield f"        for (int b = 0; b < {beams}; b++)\n"
         yield f"            for (int i = 0; i < {g.bins}; i++) {{\n"
         for k, plane in enumerate(planes):
             first = whole_of + k * pixels
-            pixel = f"r.y[{first} + b * {g.bins} + i]"
+            pixel = f"y[{first} + b * {g.bins} + i]"
             yield f"                UUV_PUT_LANE({pixel}, lane, {plane}[{row}]);\n"
         yield "            }\n"
-    yield "    }\n    return r;\n}\n"
+    yield "    }\n}\n"
 
 
 _MEMBER = {"f": ".number", "i": "", "u": ""}

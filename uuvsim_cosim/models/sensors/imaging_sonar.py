@@ -32,7 +32,7 @@ from uuvsim_cosim.models.worlds.sonar_image import Surfaces, sonar_image
 __all__ = ["SONAR", "imaging_sonar", "sonar_of"]
 
 SONAR = "p900"  # where none is named
-MOST = 20_000  # pixels: they are discrete states of the component
+MOST = 200_000  # pixels: they are discrete states of the component
 SOUND_SPEED = 1500.0  # m/s, of a preset's resolution
 GAINS = (0, 10, 20, 30, 40)
 DB = log(10.0) / 20.0  # of pressure, per dB

@@ -21,7 +21,15 @@ from uuvsim_cosim.models.worlds.ray_reference import first_hit
 from uuvsim_cosim.models.worlds.rays import MOVING, moving_solids
 from uuvsim_cosim.models.worlds.sonar_geometry import AMPLITUDES, TABLE, TURNS, SonarGeometry
 
-__all__ = ["ANGLES", "SONAR_HEAD", "SonarImage", "Surfaces", "over_cosine", "sonar_image"]
+__all__ = [
+    "ANGLES",
+    "SONAR_HEAD",
+    "SonarImage",
+    "Surfaces",
+    "check_surfaces",
+    "over_cosine",
+    "sonar_image",
+]
 
 Array = NDArray[np.float64]
 Words = NDArray[np.uint64]
@@ -166,6 +174,22 @@ def over_cosine(sigma: Array) -> Array:
     return np.concatenate([np.zeros((len(rows), 1)), rows], axis=1)
 
 
+def check_surfaces(ground: Ground, surfaces: Surfaces, n_moving: int) -> None:
+    """Raise ParameterInvalid where the surfaces are not those of the scene and of what moves."""
+    solids = len(ground.names) + n_moving
+    if len(surfaces.solids) != solids or (
+        surfaces.seabed.size and surfaces.seabed.shape != ground.z.shape
+    ):
+        raise ParameterInvalid(
+            "sonar",
+            f"materials of {len(surfaces.solids)} solids and a terrain {surfaces.seabed.shape}",
+            f"{solids} and {ground.z.shape}",
+        )
+    used = np.concatenate([surfaces.seabed.ravel(), surfaces.solids])
+    if used.size and int(used.max()) >= len(surfaces.sigma):
+        raise ParameterInvalid("sonar", f"material {used.max()}", f"below {len(surfaces.sigma)}")
+
+
 def sonar_image(
     ground: Ground,
     geometry: SonarGeometry,
@@ -180,18 +204,7 @@ def sonar_image(
 
     Raises ParameterInvalid where the surfaces are not those of the scene.
     """
-    solids = len(ground.names) + n_moving
-    if len(surfaces.solids) != solids or (
-        surfaces.seabed.size and surfaces.seabed.shape != ground.z.shape
-    ):
-        raise ParameterInvalid(
-            "sonar",
-            f"materials of {len(surfaces.solids)} solids and a terrain {surfaces.seabed.shape}",
-            f"{solids} and {ground.z.shape}",
-        )
-    used = np.concatenate([surfaces.seabed.ravel(), surfaces.solids])
-    if used.size and int(used.max()) >= len(surfaces.sigma):
-        raise ParameterInvalid("sonar", f"material {used.max()}", f"below {len(surfaces.sigma)}")
+    check_surfaces(ground, surfaces, n_moving)
     shape = (tvg, n_moving, complex, labels)
     digest = hashlib.sha256(f"{ground.name} {shape}".encode())
     for each in (geometry, surfaces):
