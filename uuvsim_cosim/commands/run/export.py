@@ -29,7 +29,7 @@ def export_command(
         Path,
         typer.Argument(
             help="Folder that `uuvsim run` wrote, or a recording; for .html, a system by name, "
-            ".ssd or .ssp."
+            ".ssd or .ssp; for pictures, also an .xtf file."
         ),
     ],
     out: Annotated[
@@ -135,8 +135,9 @@ def export_command(
 def _export_images(run: Path, out: Path, sonar: str, picture: str, span: float | None) -> None:
     from uuvsim_cosim.view.sonar.files import write_scans
     from uuvsim_cosim.view.sonar.recorded import scans_of_run
+    from uuvsim_cosim.view.sonar.xtf import read_xtf
 
-    scans = scans_of_run(run, sonar)
+    scans = read_xtf(run) if run.suffix.lower() == ".xtf" else scans_of_run(run, sonar)
     usual = "waterfall" if scans.is_side_scan else "fan"
     for note in write_scans(scans, out, picture or usual, 60.0 if span is None else span):
         line(note)

@@ -69,8 +69,10 @@ class Levels:
             below = 20.0 * np.log10(np.asarray(magnitude, float) / self.reference)
         return np.asarray(np.clip(1.0 + below / self.span, 0.0, 1.0))
 
-    def __str__(self) -> str:
+    def words(self, unit: str = "Pa") -> str:
         """Return the scale in words."""
+        if unit != "Pa":
+            return f"white: {self.reference:.4g} {unit}, black: {self.span:g} dB below"
         white = 20.0 * np.log10(self.reference / 1e-6)
         return f"white: {white:.0f} dB re 1 uPa with gain, black: {self.span:g} dB below"
 
