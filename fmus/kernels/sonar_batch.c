@@ -12,7 +12,7 @@ SONAR_API int64_t uuv_sonar_room(const uuv_sonar *s, int labels) {
     return UUV_SONAR_ROOM((int64_t)s->beams, s->bins, s->fine, s->pad, labels);
 }
 
-/* n images of arguments x, n_x each. Of each: magnitudes [beams][bins], ranges [beams], mean and peak in
+/* n images of arguments x, n_x each. Of each: magnitudes [beams][bins], ranges and echoes [beams], mean and peak in
  * `seen`; unless they are 0, both parts of the pressure [2][beams][bins], and labels. */
 SONAR_API void uuv_sonar_batch(const uuv_scene *scene, const uuv_sonar *s, const double *x, int64_t n_x, int64_t n,
                                float *room, float *seen, float *parts, uint16_t *labels) {
@@ -20,7 +20,7 @@ SONAR_API void uuv_sonar_batch(const uuv_scene *scene, const uuv_sonar *s, const
     uuv_sonar_work w = uuv_sonar_work_(s, room, labels != 0);
     for (int64_t k = 0; k < n; k++) {
         uuv_sonar_echoes(scene, s, x + k * n_x, &w);
-        uuv_sonar_receive(s, x + k * n_x, &w, seen + k * (pixels + s->beams + 2));
+        uuv_sonar_receive(s, x + k * n_x, &w, seen + k * (pixels + 2 * s->beams + 2));
         for (int64_t b = 0; b < s->beams; b++)
             for (int64_t i = 0; i < s->bins; i++) {
                 const int64_t from = b * row + i, to = b * s->bins + i;

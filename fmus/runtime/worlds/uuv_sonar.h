@@ -276,6 +276,7 @@ static inline void uuv_sonar_echoes(const uuv_scene *scene, const uuv_sonar *s, 
     double left = x[13];
     for (int i = 0; i < q.stride; i++)
         for (int k = 0; k < s->fine; k++, left *= x[14]) w->loss[k * q.stride + i] = (float)left;
+    if (x[2] < 0.0) return; /* above the water */
     for (int from = 0; from < s->columns; from += UUV_SONAR_BLOCK) {
         const int n = from + UUV_SONAR_BLOCK < s->columns ? UUV_SONAR_BLOCK : s->columns - from;
         int low = row, high = 0;
@@ -293,7 +294,8 @@ static inline void uuv_sonar_echoes(const uuv_scene *scene, const uuv_sonar *s, 
 }
 
 /* Adds the receiver's noise and applies the gain. `seen`: magnitudes [beams][bins]; the range of each
- * beam's strongest echo, 0 where it has none above the noise; mean and greatest of the magnitudes. */
+ * beam's strongest echo, 0 where it has none above the noise, and its magnitude [beams] each; mean and
+ * greatest of the magnitudes. */
 static inline void uuv_sonar_receive(const uuv_sonar *s, const double *x, uuv_sonar_work *w, float *seen) {
     const int row = uuv_sonar_row_(s->bins);
     union {
@@ -301,14 +303,14 @@ static inline void uuv_sonar_receive(const uuv_sonar *s, const double *x, uuv_so
         uint64_t bits;
     } key = {{(float)x[19], (float)x[20]}};
     const uint64_t draw = uuv_mix_(key.bits);
-    float *const range = seen + (int64_t)s->beams * s->bins;
+    float *const range = seen + (int64_t)s->beams * s->bins, *const echo = range + s->beams;
     float peak = 0.0f;
     double total = 0.0;
     const float noise = (float)x[15], least = (float)(x[15] * x[18]);
     for (int b = 0; b < s->beams; b++) {
         float *re = w->re + (int64_t)b * row, *im = w->im + (int64_t)b * row, loudest = 0.0f;
         double gain = x[16];
-        range[b] = 0.0f;
+        range[b] = echo[b] = 0.0f;
         for (int i = 0; i < s->bins; i++, gain *= x[17]) {
             const uint64_t h = uuv_mix_(draw + (uint64_t)((int64_t)b * s->bins + i) * 0x9e3779b97f4a7c15u);
             const float a = noise * s->amplitudes[h & (UUV_SONAR_TABLE - 1)];
@@ -328,13 +330,13 @@ static inline void uuv_sonar_receive(const uuv_sonar *s, const double *x, uuv_so
             total += shown;
             if (shown > peak) peak = shown;
             if (p > least && shown > loudest) {
-                loudest = shown;
+                loudest = echo[b] = shown;
                 range[b] = (float)r;
             }
         }
     }
-    range[s->beams] = (float)(total / ((int64_t)s->beams * s->bins));
-    range[s->beams + 1] = peak;
+    echo[s->beams] = (float)(total / ((int64_t)s->beams * s->bins));
+    echo[s->beams + 1] = peak;
 }
 
 #endif

@@ -71,7 +71,7 @@ def sonar_text(n: SonarImage) -> Iterator[str]:
     yield f"static const uuv_sonar {n.name}_sonar = {{{numbers}, {', '.join(at)}, {tables}}};\n"
     g, pixels = n.geometry, n.pixels
     beams = len(g.bearings)
-    whole_of = pixels + beams + 2
+    whole_of = pixels + 2 * beams + 2
     room = f"UUV_SONAR_ROOM({beams}, {g.bins}, {g.fine}, {g.pad}, {int(n.labels)})"
     row = f"(int64_t)b * UUV_SONAR_ROW({g.bins}) + i"
     yield f"static void {n.name}(const V *x, V *y) {{\n"

@@ -53,7 +53,7 @@ class Surfaces:
 
 @dataclass(frozen=True, eq=False)
 class SonarImage:
-    """Magnitudes [beam][bin], a range a beam, mean and peak; if asked for, parts and labels."""
+    """Magnitudes [beam][bin], range and echo of each beam, mean, peak; parts, labels."""
 
     name: str
     ground: Ground
@@ -78,7 +78,7 @@ class SonarImage:
     def n_out(self) -> int:
         """Return the number of values."""
         planes = 1 + 2 * self.complex + self.labels
-        return planes * self.pixels + len(self.geometry.bearings) + 2
+        return planes * self.pixels + 2 * len(self.geometry.bearings) + 2
 
     def __call__(self, x: Array) -> Array:
         """Return the values (n_out,)."""
@@ -92,7 +92,7 @@ class SonarImage:
         image = np.abs(pressure) * gain
         heard = np.where(np.abs(pressure) > x[15] * x[18], image, 0.0)
         ranges = np.where(heard.max(axis=1) > 0.0, g.ranges[heard.argmax(axis=1)], 0.0)
-        planes = [image.ravel(), ranges, [image.mean(), image.max()]]
+        planes = [image.ravel(), ranges, heard.max(axis=1), [image.mean(), image.max()]]
         if self.complex:
             planes += [(pressure * gain).real.ravel(), (pressure * gain).imag.ravel()]
         if self.labels:
@@ -108,7 +108,8 @@ class SonarImage:
         edge, size = g.first - g.pad * g.step, 2.0 * g.step / g.fine
         far = g.first + (g.bins + g.pad) * g.step
         strengths = over_cosine(self.surfaces.sigma)
-        for j, (u, du) in enumerate(zip(g.u, g.du, strict=True)):
+        columns_ = zip(g.u, g.du, strict=True) if x[2] >= 0.0 else ()  # not above the water
+        for j, (u, du) in enumerate(columns_):
             side = np.sqrt(1.0 - u * u)
             for t, power in zip(g.theta, g.gain, strict=True):
                 d = R @ [side * np.cos(t), u, side * np.sin(t)]

@@ -34,7 +34,8 @@ class Echoes:
     magnitude: NDArray[np.float32]  # Pa, with the gain over range
     pressure: NDArray[np.complex64]  # Pa, with the gain over range
     label: NDArray[np.uint16]  # 0: no echo, 1: seabed, 2 + i: solid or mesh i
-    range: NDArray[np.float32]  # m, (poses, beams): strongest echo, 0: none
+    range: NDArray[np.float32]  # m, (poses, beams): of the strongest echo, 0: none
+    echo: NDArray[np.float32]  # Pa, (poses, beams): its magnitude
 
 
 @final
@@ -96,7 +97,7 @@ class Sonar:
         numbers = np.broadcast_to(self._numbers, (n, len(self._numbers)))
         x = np.ascontiguousarray(np.hstack([p, R.reshape(n, 9), numbers, draws]))
         assert x.shape[1] == SONAR_HEAD
-        seen = np.empty((n, pixels + beams + 2), np.float32)
+        seen = np.empty((n, pixels + 2 * beams + 2), np.float32)
         parts = np.empty((n, 2, beams, g.bins), np.float32)
         label = np.empty((n, beams, g.bins), np.uint16)
         self._c.uuv_sonar_batch(
@@ -106,7 +107,8 @@ class Sonar:
         )  # fmt: skip
         magnitude = seen[:, :pixels].reshape(n, beams, g.bins)
         pressure = (parts[:, 0] + 1j * parts[:, 1]).astype(np.complex64)
-        return Echoes(magnitude, pressure, label, seen[:, pixels : pixels + beams])
+        ranges, echoes = (seen[:, pixels + k * beams : pixels + (k + 1) * beams] for k in (0, 1))
+        return Echoes(magnitude, pressure, label, ranges, echoes)
 
 
 class _SonarStruct(ctypes.Structure):
