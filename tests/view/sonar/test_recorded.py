@@ -13,7 +13,9 @@ from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.models.worlds.obstacles import Sphere
 from uuvsim_cosim.models.worlds.scene import Scene, save_scene
 from uuvsim_cosim.models.worlds.terrain import Terrain
+from uuvsim_cosim.view.sonar.pictures import waterfall
 from uuvsim_cosim.view.sonar.recorded import scans_of_run
+from uuvsim_cosim.view.sonar.xtf import read_xtf
 
 BALL = (12.0, 3.0, 6.5)  # m; on a level bottom at 8 m
 SONAR = "model:imaging_sonar?beams=24&bins=60&range_max=25&labels=true&complex=true&scene="
@@ -97,6 +99,77 @@ def test_options_that_do_not_fit_are_refused(
     status, _, err = uuvsim("export", str(run), *words.split())
     assert status == 2
     assert expected in " ".join(err.split())
+
+
+@pytest.fixture(scope="module")
+def survey(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Run a vehicle with a side-scan, a scanning and a multibeam sonar over a level bottom."""
+    folder = tmp_path_factory.mktemp("scene")
+    terrain = Terrain(np.full((9, 9), 8.0, np.float32), 10.0, (-40.0, -40.0))
+    ball = Sphere((1.0, 6.0, 7.0), 0.8, name="ball")
+    save_scene(Scene("made", terrain, (ball,), None, "a ball", "made"), folder)
+    sources = {
+        "side": "side_scan_sonar?bins=80&rays=48",
+        "scanning": "scanning_sonar?bins=40&rays=16&sector=120&step=30",
+        "multibeam": "multibeam_sonar?beams=9&bins=40",
+    }
+    system = uuv.load("bluerov2_hold").set("hull.eta_0", [0.0, 0.0, 4.0, 0.0, 0.0, 0.0])
+    for name, source in sources.items():
+        system = system.add(name, f"model:{source}&range_max=20&scene={folder}")
+        system = system.connect("hull.eta", f"{name}.eta")
+        system = system.connect("hull.q", f"{name}.q")
+    out = tmp_path_factory.mktemp("run") / "r"
+    uuv.run(system, until=1.2, out=out)
+    return out
+
+
+def test_the_waterfall_of_a_side_scan_shows_the_bottom_from_its_altitude_on(survey: Path) -> None:
+    scans = scans_of_run(survey, "side")
+    assert scans.is_side_scan
+    assert len(scans) == 12
+    level = scans.magnitude.mean(axis=0)
+    water = scans.ranges < 3.2  # the sonar is 4 m above the bottom
+    for side in (0, 1):
+        assert level[side, ~water].max() > 30 * level[side, water].max()
+    rows, slant = waterfall(scans, scans.magnitude)
+    assert rows.shape == (12, 160)
+    assert slant[[0, -1]] == pytest.approx([-scans.ranges[-1], scans.ranges[-1]])
+
+
+def test_a_side_scan_is_exported_as_xtf(uuvsim: Uuvsim, survey: Path, tmp_path: Path) -> None:
+    out = tmp_path / "side.xtf"
+    status, text, _ = uuvsim("export", str(survey), "-o", str(out), "--sonar", "side")
+    assert status == 0
+    assert "12 pings of 2 beams and 80 bins" in text
+    found, scans = read_xtf(out), scans_of_run(survey, "side")
+    assert found.magnitude / found.magnitude.max() == pytest.approx(
+        scans.magnitude / scans.magnitude.max(), abs=2e-5
+    )
+
+
+def test_the_pings_of_a_scanning_sonar_are_one_image_a_scan(survey: Path) -> None:
+    scans = scans_of_run(survey, "scanning")
+    assert np.degrees(scans.bearings) == pytest.approx([-45.0, -15.0, 15.0, 45.0])
+    assert scans.magnitude.shape == (len(scans), 4, 40)
+    assert scans.time[0] == pytest.approx(0.3)
+    assert (scans.magnitude[0].max(axis=1) > 0).all()
+    recorded = uuv.read_signals(survey)
+    sample, image = recorded["scanning.t_sample"], recorded["scanning.magnitude"]
+    for beam in range(4):
+        ping = image[np.flatnonzero(np.isclose(sample, 0.1 * beam))[0]]
+        assert np.array_equal(scans.magnitude[0, beam], ping.astype(np.float32))
+
+
+def test_a_multibeam_looks_down_and_finds_the_bottom(survey: Path) -> None:
+    scans = scans_of_run(survey, "multibeam")
+    assert scans.downward
+    assert scans.detections is not None
+    assert scans.detections[0, 4] == pytest.approx(3.9, abs=0.6)
+
+
+def test_several_sonars_need_a_name(survey: Path) -> None:
+    with pytest.raises(InputInvalid, match="3 sonars; expected --sonar side or scanning or multib"):
+        scans_of_run(survey)
 
 
 def test_a_run_without_a_sonar_is_refused(tmp_path: Path) -> None:

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from uuvsim_cosim.errors import InputInvalid
-from uuvsim_cosim.models.sensors.sonar_axes import options_of, sonar_axes
+from uuvsim_cosim.models.sensors.sonar_axes import SonarAxes, sonar_axes
 from uuvsim_cosim.models.worlds.ground import ground_named
 from uuvsim_cosim.orchestrator.plan.flatten import flatten
 from uuvsim_cosim.orchestrator.plan.plan import Plan, PlannedComponent
@@ -39,7 +40,9 @@ def scans_of_run(run: str | Path, component: str = "") -> SonarScans:
     sonars = sonars_of(plan)
     if not sonars:
         raise InputInvalid(
-            folder, "its system has no sonar with images", "a component imaging_sonar"
+            folder,
+            "its system has no sonar with images",
+            "a component such as imaging_sonar or side_scan_sonar",
         )
     if component and component not in sonars:
         raise InputInvalid(folder, f"no sonar {component!r}", f"one of {', '.join(sonars)}")
@@ -52,7 +55,7 @@ def scans_of_run(run: str | Path, component: str = "") -> SonarScans:
 def _scans(folder: Path, plan: Plan, c: PlannedComponent, signals: Signals) -> SonarScans:
     axes = sonar_axes(c.source)
     assert axes is not None
-    beams, bins = len(axes.bearings), axes.bins
+    beams, bins = 1 if axes.scans else len(axes.bearings), len(axes.ranges)
     image, sample = f"{c.path}.magnitude", f"{c.path}.t_sample"
     if image not in signals or sample not in signals:
         raise InputInvalid(folder, f"{image} was not recorded", "a run that records it")
@@ -70,21 +73,55 @@ def _scans(folder: Path, plan: Plan, c: PlannedComponent, signals: Signals) -> S
             return None
         return np.asarray(signals[signal], np.float32)[rows].reshape(len(rows), beams, bins)
 
+    bearing = f"{c.path}.bearing"
+    if axes.scans and bearing not in signals:
+        raise InputInvalid(folder, f"{bearing} was not recorded", "a run that records it")
     magnitude, real, imaginary, label = map(plane, ("magnitude", "real", "imaginary", "label"))
     assert magnitude is not None
     pressure = None if real is None or imaginary is None else (real + 1j * imaginary)
-    detections = f"{c.path}.range"
+    strongest = f"{c.path}.range"
+    detections = None
+    if strongest in signals:
+        detections = np.asarray(signals[strongest], float)[rows].reshape(len(rows), beams)
     frequency, speed = (
         float(np.asarray(c.start.get(name, c.description.variables[name].start)))
         for name in ("frequency", "sound_speed")
     )
-    return SonarScans(
-        c.path, time, axes.bearings, axes.ranges, magnitude,
+    found = SonarScans(
+        c.path, time, np.zeros(1) if axes.scans else axes.bearings, axes.ranges, magnitude,
         pressure=None if pressure is None else pressure.astype(np.complex64),
-        detections=np.asarray(signals[detections], float)[rows] if detections in signals else None,
+        detections=detections,
         labels=None if label is None else label.astype(np.uint16),
-        shown=() if label is None else _shown(c.source),
+        shown=() if label is None else _shown(axes),
         eta=_pose(plan, c.path, signals, rows), frequency=frequency, sound_speed=speed,
+        downward=axes.kind == "multibeam_sonar",
+    )  # fmt: skip
+    return _whole(found, axes, np.asarray(signals[bearing], float)[rows]) if axes.scans else found
+
+
+def _whole(pings: SonarScans, axes: SonarAxes, bearing: np.ndarray) -> SonarScans:
+    """Return the scans of a scanning sonar: each an image of the pings from port to starboard.
+
+    A scan has the time and the pose of its last ping. Beams that it has not reached are 0.
+    """
+    number = np.abs(bearing[:, None] - axes.bearings).argmin(axis=1)
+    scan = np.cumsum(np.concatenate([[0], np.diff(number) < 0]))
+    n, last = int(scan[-1]) + 1, np.flatnonzero(np.diff(scan, append=scan[-1] + 1))
+    shape = (n, len(axes.bearings))
+
+    def placed(values: np.ndarray | None) -> np.ndarray | None:
+        if values is None:
+            return None
+        image = np.zeros((*shape, *values.shape[2:]), values.dtype)
+        image[scan, number] = values[:, 0]
+        return image
+
+    magnitude = placed(pings.magnitude)
+    assert magnitude is not None
+    return replace(
+        pings, time=pings.time[last], bearings=axes.bearings, magnitude=magnitude,
+        pressure=placed(pings.pressure), detections=placed(pings.detections),
+        labels=placed(pings.labels), eta=None if pings.eta is None else pings.eta[last],
     )  # fmt: skip
 
 
@@ -97,7 +134,6 @@ def _pose(plan: Plan, path: str, signals: Signals, rows: np.ndarray) -> np.ndarr
     return None
 
 
-def _shown(source: str) -> tuple[str, ...]:
-    scene = options_of(source)[2].get("scene", "flat")
-    names = ground_named(scene).names
+def _shown(axes: SonarAxes) -> tuple[str, ...]:
+    names = ground_named(axes.scene).names
     return ("no echo", "seabed", *(name or f"solid {i + 1}" for i, name in enumerate(names)))

@@ -34,6 +34,7 @@ class SonarScans:
     eta: Array | None = None  # (n, 6) pose of the hull at each ping
     frequency: float = 0.0  # Hz; 0: not known
     sound_speed: float = 0.0  # m/s; 0: not known
+    downward: bool = False  # whether the fan looks down, as that of a multibeam
     unit: str = "Pa"  # of the magnitude; counts where a file states none
 
     def __post_init__(self) -> None:
