@@ -20,6 +20,7 @@ __all__ = ["doctor_command", "facts", "packages"]
 EXTRAS = {
     "rl": "`uuvsim train`, `train-offline`, export to ONNX, Minari's data sets",
     "scene": "`uuvsim terrain` of charts and grids, LAZ clouds, meshes, gridded currents",
+    "sonar": "`uuvsim export` of sonar images as WebP and XTF",
     "view": "`uuvsim view`, `--view`",
     "rerun": "`uuvsim export -o FILE.rrd`",
     "hydro": "added mass of a surface in `uuvsim models import`",
