@@ -25,6 +25,7 @@ SHORT: dict[str, str] = {
     "environment_speed": "--repeats 1",
     "growth": "--components 10 20 --vehicles 2 3 --lengths 2 --starts 1 --figure g.svg",
     "identification_speed": "--seconds 6 --before-seconds 4",
+    "imaging_sonar": "--images 1 --repeats 1",
     "installation": "--until 0.1 --components thruster,battery --platforms linux64",
     "isolation_cost": "--steps 200 --repeats 1",
     "kernel_derivatives": "--environments 8 --steps 5 --repeats 1",
