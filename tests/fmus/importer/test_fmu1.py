@@ -126,7 +126,9 @@ def test_a_description_in_the_terms_of_fmi_3(c_fmu: CFmu) -> None:
     assert v["w"].shape == (3,)
     assert (v["w"].dependencies, v["y"].dependencies, v["steps"].dependencies) == (("v",), (), None)
     assert v["mode"].items == (("slow", 1), ("fast", 2))
-    assert [name for name in v if v[name].negated] == ["minus_y", "minus_k", "minus_steps", "off"]
+    assert [name for name in v if v[name].negated] == [
+        "minus_y", "minus_u", "minus_k", "minus_steps", "off",
+    ]  # fmt: skip
 
 
 def test_an_input_that_is_set_in_initialization_mode_is_there_at_the_first_output(

@@ -111,11 +111,11 @@ class Fmu1(FmuBinary):
         instance: int | None
         if self.archive.interface == "ModelExchange":
             instantiate = self._library.function("InstantiateModel")
-            instance = instantiate(name, guid, callbacks, logging_on)
+            instance = instantiate(name, guid, callbacks, int(logging_on))
         else:
             location = self.archive.folder.as_uri().encode()
             instance = self._library.function("InstantiateSlave")(
-                name, guid, location, _LIBRARY, 0.0, 0, 0, callbacks, logging_on
+                name, guid, location, _LIBRARY, 0.0, 0, 0, callbacks, int(logging_on)
             )
         log.name(self.path, instance)
         return instance
@@ -169,7 +169,7 @@ class Fmu1(FmuBinary):
             self.first_event = EventInfo()
             self.call("Initialize", 0, 0.0, ctypes.byref(self.first_event))
         else:
-            self.call("InitializeSlave", start, stop is not None, 0.0 if stop is None else stop)
+            self.call("InitializeSlave", start, int(stop is not None), stop or 0.0)
         self._initialized = True
         self._given.clear()
 
