@@ -54,6 +54,8 @@ static void free_accesses(access *accesses, uint32_t n) {
         free(accesses[i].references);
         free(accesses[i].scratch);
         free(accesses[i].sizes);
+        free(accesses[i].negated);
+        free(accesses[i].turned);
     }
     free(accesses);
 }
@@ -105,7 +107,7 @@ UUV_CORE_API int uuv_core_member(uuv_core *core, uint32_t i, int which, void *in
                                  void *do_step, void *get, int32_t *kept, uint64_t step_ticks,
                                  int sequential) {
     static const kind *const kinds[] = {&kind_native, &kind_fmi2, &kind_fmi3, &kind_callback,
-                                         &kind_shared};
+                                         &kind_shared, &kind_fmi1};
     member *m = &core->members[i];
     m->kind = kinds[which - UUV_CORE_NATIVE];
     m->instance = core->instances[i] = instance;
@@ -167,6 +169,22 @@ UUV_CORE_API int uuv_core_access(uuv_core *core, uint32_t i, int action, int typ
         if (references[k] != references[0] + k) a->consecutive = 0;
     memset(core->classes + slot, a->class, n_values);
     return a->class != CLASS_BLOB || make_blobs(core, slot, n_values);
+}
+
+static int negate(access *accesses, uint32_t n, uint32_t slot) {
+    for (access *a = accesses; a < accesses + n; a++) {
+        if (slot < a->slot || slot >= a->slot + a->n_values) continue;
+        if (!a->negated) a->negated = calloc(a->n_values, 1);
+        if (!a->turned) a->turned = calloc(a->n_values, sizeof *a->turned);
+        if (!a->negated || !a->turned) return 0;
+        a->negated[slot - a->slot] = 1;
+    }
+    return 1;
+}
+
+UUV_CORE_API int uuv_core_negate(uuv_core *core, uint32_t i, uint32_t slot) {
+    member *m = &core->members[i];
+    return negate(m->sets, m->n_sets, slot) && negate(m->gets, m->n_gets, slot);
 }
 
 UUV_CORE_API int uuv_core_in_place(uuv_core *core, uint32_t i, uuv_values_function *find,

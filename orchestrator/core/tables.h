@@ -19,6 +19,8 @@ typedef struct {
     void *function;
     void *scratch; /* n_values of the component's own type, where that is not the slot's */
     size_t *sizes; /* of binaries */
+    uint8_t *negated; /* FMI 1.0: of each value, whether it is a negated alias; NULL: none is */
+    uuv_slot *turned; /* what is set where some are */
 } access;
 
 /* `count` slots from a member's outputs to another's inputs. */
@@ -66,7 +68,7 @@ typedef struct {
     int (*collect)(member *m, uuv_failure *why);
 } kind;
 
-extern const kind kind_native, kind_fmi2, kind_fmi3, kind_callback, kind_shared;
+extern const kind kind_native, kind_fmi1, kind_fmi2, kind_fmi3, kind_callback, kind_shared;
 
 /* A floating-point number, or two that follow each other, that goes from one slot to another, and
  * from there to a component's block. */

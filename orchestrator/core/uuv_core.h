@@ -31,7 +31,8 @@ typedef union {
 } uuv_slot;
 
 enum uuv_core_kind { UUV_CORE_NATIVE = 1, UUV_CORE_FMI2, UUV_CORE_FMI3, UUV_CORE_CALLBACK,
-                     UUV_CORE_SHARED /* its instance is a `uuv_exchange` (exchange.h) */ };
+                     UUV_CORE_SHARED /* its instance is a `uuv_exchange` (exchange.h) */,
+                     UUV_CORE_FMI1 };
 
 enum uuv_core_type {
     UUV_CORE_FLOAT64 = 0, UUV_CORE_FLOAT32,
@@ -99,6 +100,9 @@ UUV_CORE_API void uuv_core_guard(uuv_core *core, void (*enter)(struct uuv_frame 
 UUV_CORE_API int uuv_core_access(uuv_core *core, uint32_t member, int action, int type,
                                  uint32_t slot, uint32_t n_values, uint32_t n_references,
                                  const uint32_t *references, void *function);
+/* Slot `slot` of an FMU of FMI 1.0 is a negated alias: the FMU has its value with the opposite sign.
+ * After the accesses of the member. */
+UUV_CORE_API int uuv_core_negate(uuv_core *core, uint32_t member, uint32_t slot);
 /* The component was compiled by this package, so that its values are read and written in its block
  * (uuv_component.h): `find` finds it (NULL: of a native member), `steps` makes a step of several equal
  * members, `offsets` are those of the inputs and

@@ -109,6 +109,10 @@ class Core:
             self._core, member, a.action, a.type, a.slot, a.n_values, n, references, a.function
         )
 
+    def negate(self, member: int, slot: int) -> None:
+        """Let a slot of an FMU of FMI 1.0 have the value with the opposite sign."""
+        self._c.uuv_core_negate(self._core, member, slot)
+
     def in_place(
         self,
         member: int,

@@ -174,6 +174,7 @@ def library() -> ctypes.CDLL:
         "uuv_core_name": (None, [pointer, u32, ctypes.c_char_p]),
         "uuv_core_guard": (None, [pointer, pointer, pointer]),
         "uuv_core_access": (i, [pointer, u32, i, i, u32, u32, u32, pointer, pointer]),
+        "uuv_core_negate": (i, [pointer, u32, u32]),
         "uuv_core_in_place": (i, [pointer, u32, pointer, pointer, pointer, pointer, pointer]),
         "uuv_core_transfer": (i, [pointer, u32, u32, u32, u32, i, double, double, u32, pointer]),
         "uuv_core_state": (i, [pointer, u32, pointer, pointer, pointer, size]),

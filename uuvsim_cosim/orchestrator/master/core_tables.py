@@ -155,6 +155,10 @@ def tables_of(
         for action, own in ((Action.SET, set_[member]), (Action.GET, got[member])):
             for access in _accesses(b, action, own, components[i].path):
                 core.access(member, access)
+        if b.kind == BindingKind.FMI1:
+            for placed in (*set_[member], *got[member]):
+                for slot in placed.slots if placed.variable.negated else ():
+                    core.negate(member, slot)
         if "DoSteps" in b.functions:  # a component of this package
             offsets = [i for p in (*set_[member], *got[member]) for i in _offsets(p.variable)]
             bounds = [x for p in set_[member] for x in [_bounds(b, p.variable)] * p.variable.size]
@@ -184,6 +188,7 @@ def tables_of(
     return tables
 
 
+_FMI = {BindingKind.FMI1: "fmi", BindingKind.FMI2: "fmi2", BindingKind.FMI3: "fmi3"}
 _Exchanged = Iterator[tuple[int, int, Iterable[Variable]]]  # member, component, variables
 
 
@@ -241,7 +246,7 @@ def _accesses(b: Binding, action: Action, placed: Sequence[Placed], path: str) -
         of = _offsets if b.kind == BindingKind.NATIVE else lambda v: v.value_references
         references = [reference for p in run for reference in of(p.variable)]
         function = 0
-        if b.kind in (BindingKind.FMI2, BindingKind.FMI3):
+        if b.kind in _FMI:
             function = _function(b, fmi_name(b.kind, action, type_), path)
         yield Access(action, type_, run[0].slot, count, tuple(references), function)
 
@@ -273,7 +278,7 @@ def fmi_name(kind: BindingKind, action: Action, type_: Type) -> str:
 
 def _function(b: Binding, name: str, path: str) -> int:
     if name not in b.functions:
-        prefix = {BindingKind.FMI2: "fmi2", BindingKind.FMI3: "fmi3"}.get(b.kind, "")
+        prefix = _FMI.get(b.kind, "")
         raise FmuError(path, f"its binary has no function {prefix}{name}", "one")
     return b.functions[name]
 
