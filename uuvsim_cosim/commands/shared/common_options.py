@@ -43,6 +43,11 @@ GROUPS: dict[str, dict[str, tuple[str, ...]]] = {
         "Access": ("--access", "--anyone", "--no-code"),
         OUTPUT: ("--out", "--no-record"),
     },
+    "systems new": {
+        "Vehicle": ("--vehicle", "--mission", "--force"),
+        "FMUs": ("--from", "--connect", "--step"),
+        OUTPUT: ("--out",),
+    },
     "terrain": {
         "Area": ("--around", "--size", "--resolution"),
         "Reading": ("--datum", "--unit", "--positive", "--crs", "--local"),
@@ -150,7 +155,11 @@ EXAMPLES: dict[str, tuple[str, ...]] = {
         "systems show bluerov2_hold --plan",
     ),
     "systems missions": ("systems missions", "systems missions bluerov2 my_rov --until 60"),
-    "systems new": ("systems new my_rov", "systems new heavy --vehicle bluerov2_heavy"),
+    "systems new": (
+        "systems new my_rov",
+        "systems new heavy --vehicle bluerov2_heavy",
+        "systems new plant --from tank.fmu controller.fmu",
+    ),
     "systems slot": ("systems slot bluerov2_survey controller",),
     "models": ("models", "models show remus100"),
     "models show": ("models show remus100", "models show imu@stim300"),
@@ -235,14 +244,37 @@ def complete(command: Any) -> Any:
             each.params.sort(key=lambda p: order.index(p.opts[0]) if p.opts[0] in place else -1)
         each.params.extend(shared)
         if any("--mavlink" in parameter.opts for parameter in each.params):
-            each.parse_args = partial(_parsed, each.parse_args)
+            each.parse_args = partial(_parsed, each.parse_args, with_implied_values)
+        if path == "systems new":
+            each.parse_args = partial(_parsed, each.parse_args, with_several_files)
         if path in EXAMPLES:
             each.epilog = "\n\n".join(("Examples:", *(f"uuvsim {x}" for x in EXAMPLES[path])))
     return command
 
 
-def _parsed(parse: Callable[[Any, list[str]], Any], context: Any, arguments: list[str]) -> Any:
-    return parse(context, with_implied_values(arguments))
+def _parsed(
+    parse: Callable[[Any, list[str]], Any],
+    change: Callable[[Sequence[str]], list[str]],
+    context: Any,
+    arguments: list[str],
+) -> Any:
+    return parse(context, change(arguments))
+
+
+def with_several_files(arguments: Sequence[str]) -> list[str]:
+    """Return the arguments, with a `--from` before each of several FMUs that follow one.
+
+    Typer has no options with a number of values that the user chooses.
+    """
+    filled: list[str] = []
+    several = False
+    for argument in arguments:
+        several = several and argument.lower().endswith(".fmu")
+        if several and filled[-1] != "--from":
+            filled.append("--from")
+        filled.append(argument)
+        several = several or argument == "--from"
+    return filled
 
 
 def with_implied_values(arguments: Sequence[str]) -> list[str]:
