@@ -56,7 +56,7 @@ _SCALARS = {
     "C_L_alpha": Meaning("1", "slope of the lift coefficient of hull and wings, per rad", 0.0),
     "C_D_0": Meaning("1", "drag coefficient at no angle of attack", 0.0),
     "C_D_alpha": Meaning("1", "rise of the drag coefficient with sin²(alpha)", 0.0),
-    "C_D_n": Meaning("1", "largest drag coefficient: broadside", 0.0),
+    "C_N": Meaning("1", "coefficient of the normal force beyond the stall", 0.0),
     "alpha_stall": Meaning("rad", "angle of attack beyond which lift stops growing", 1e-3),
     "x_w": Meaning("m", "x of the centre of lift and drag from CO"),
     "U_f": Meaning("m/s", "speed over which the damping D_f fades", 1e-6),
@@ -68,7 +68,7 @@ FORCES, VELOCITIES = "XYZKMN", "uvwpqr"
 _PRODUCT = re.compile(rf"([{FORCES}])_([{VELOCITIES}])([{VELOCITIES}])$")
 _PER = ("m2", "(m.rad)", "rad2")  # by the number of angular rates
 _STRIPS = {"C_D_y", "h_y", "C_D_z", "b_z", "x_bow", "x_stern"}
-WINGS = ("S", "C_L_alpha", "C_D_0", "C_D_alpha", "C_D_n", "alpha_stall", "x_w")
+WINGS = ("S", "C_L_alpha", "C_D_0", "C_D_alpha", "C_N", "alpha_stall", "x_w")
 _LINEAR = ("N.s/m", "N.s/rad", "N.m.s/m", "N.m.s/rad")
 # Units of the four blocks of a matrix, row by row, and what its elements are.
 _MATRICES = {

@@ -5,12 +5,14 @@ With these components, named u, v, w, their size V and the angle of attack alpha
 
     sin(alpha) = w / sqrt(u² + w²),   s = sin(alpha) held within ±sin(alpha_stall)
     lift = 1/2 rho S C_L_alpha s u             along  (w, 0, -u),  across the flow
-    drag = 1/2 rho S C_D V                     against it, along  -(u, v, w)
-    C_D  = C_D_0 + C_D_alpha sin²(alpha),      at most C_D_n, that of the hull broadside
+    drag = 1/2 rho S (C_D_0 + C_D_alpha s²) V  against it, along  -(u, v, w)
+    Z    = -1/2 rho S C_N (sin²(alpha) - s²) V² sign(w),  beyond the stall
 
 For small alpha this is C_L = C_L_alpha alpha and C_D = C_D_0 + C_D_alpha alpha², the flight model
 of Merckelbach et al. (2019) for a Slocum. Lift does no work, vanishes broadside, and damps pitch by
-its lever. The Munk moment is not part of it: C_A contains that moment.
+its lever. Beyond the stall, the flow across the hull makes a force normal to it: if that force were
+along the flow, a glider that starts from rest would sink stalled. The Munk moment is not part of
+this: C_A contains that moment.
 """
 
 from __future__ import annotations
@@ -20,7 +22,7 @@ from collections.abc import Mapping
 import casadi as ca
 
 from uuvsim_cosim.models.declaration.expression import Number
-from uuvsim_cosim.models.declaration.safe_math import clip, norm, saturate
+from uuvsim_cosim.models.declaration.safe_math import norm, saturate
 
 __all__ = ["wings"]
 
@@ -36,10 +38,11 @@ def wings(p: Mapping[str, ca.SX], rho: Number, nu_r: ca.SX) -> ca.SX:
     flows = across > 1e-12
     sine = ca.if_else(flows, w / ca.if_else(flows, across, 1.0), 0.0)
     s = saturate(sine, ca.sin(p["alpha_stall"]))
-    drag_at_angle = p["C_D_0"] + p["C_D_alpha"] * sine * sine
-    C_D = clip(drag_at_angle, 0.0, p["C_D_n"])
+    C_D = p["C_D_0"] + p["C_D_alpha"] * s * s
     q_S = 0.5 * rho * p["S"]
     lift = q_S * p["C_L_alpha"] * s * u
     drag = q_S * C_D * norm(v_w)
-    force = ca.vertcat(lift * w, 0.0, -lift * u) - drag * v_w
+    normal = q_S * p["C_N"] * (sine * sine - s * s) * ca.dot(v_w, v_w)
+    push = ca.vertcat(lift * w, 0.0, -lift * u - ca.if_else(w > 0.0, normal, -normal))
+    force = push - drag * v_w
     return ca.vertcat(force, 0.0, -p["x_w"] * force[2], p["x_w"] * force[1])

@@ -43,7 +43,7 @@ class Glide:
     C_L_alpha: float
     C_D_0: float
     C_D_alpha: float
-    C_D_n: float
+    C_N: float
     alpha_stall: float
     M_A_11: float
     M_A_33: float
@@ -89,9 +89,11 @@ def lift_and_drag(glide: Glide, density: Array, u: Array, w: Array) -> tuple[Arr
     sine = w / V
     limit = np.sin(glide.alpha_stall)
     q_S = 0.5 * density * glide.S
-    lift = q_S * glide.C_L_alpha * np.clip(sine, -limit, limit) * u
-    drag = q_S * np.minimum(glide.C_D_0 + glide.C_D_alpha * sine * sine, glide.C_D_n) * V
-    return lift * w - drag * u, -lift * u - drag * w
+    s = np.clip(sine, -limit, limit)
+    lift = q_S * glide.C_L_alpha * s * u
+    drag = q_S * (glide.C_D_0 + glide.C_D_alpha * s * s) * V
+    normal = q_S * glide.C_N * (sine * sine - s * s) * V * V * np.sign(w)
+    return lift * w - drag * u, -lift * u - normal - drag * w
 
 
 def steady_glide(glide: Glide, flight: GliderFlight) -> Motion:
