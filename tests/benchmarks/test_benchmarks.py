@@ -24,6 +24,7 @@ SHORT: dict[str, str] = {
     "dataflash_index": "",
     "environment_speed": "--repeats 1",
     "growth": "--components 10 20 --vehicles 2 3 --lengths 2 --starts 1 --figure g.svg",
+    "identification_coverage": "--seeds 6 --no-contrast",
     "identification_speed": "--seconds 6 --before-seconds 4",
     "imaging_sonar": "--images 1 --repeats 1",
     "installation": "--until 0.1 --components thruster,battery --platforms linux64",

@@ -63,7 +63,8 @@ GROUPS: dict[str, dict[str, tuple[str, ...]]] = {
     "identify": {
         _SYSTEM: ("--system", "--replace", "--set", "--hull"),
         "Recording": ("--map", "--log-parameters", "--from", "--to", "--step"),
-        "Fit": ("--parameters", "--no-proposals"),
+        "Fit": ("--parameters", "--inputs", "--delay", "--unknown", "--residuals",
+                "--no-proposals"),
         OUTPUT: ("--save-as", "--manoeuvre"),
     },
     "study": {
