@@ -15,6 +15,7 @@ from uuvsim_cosim.studies.identification.vehicle_log import (
     Series,
     VehicleLog,
     check_firmware,
+    with_depth,
     without_repetitions,
 )
 
@@ -60,7 +61,9 @@ def read_dataflash(path: Path) -> VehicleLog:
         remarks.append(
             f"{log.lost} bytes at {log.gaps} places are no messages (damaged), and are left out"
         )
-    return VehicleLog(path, found.series, parameters, firmware, tuple(remarks))
+    if log.cut:
+        remarks.append(f"the log ends within a message: its last {log.cut} bytes are left out")
+    return VehicleLog(path, with_depth(found.series), parameters, firmware, tuple(remarks))
 
 
 class _Found:

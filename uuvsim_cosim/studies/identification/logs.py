@@ -1,4 +1,4 @@
-"""Recordings and logs of vehicles as signals: Parquet, MCAP and CSV, ArduSub's .BIN and .tlog."""
+"""Recordings and logs of vehicles as signals, each by the reader of its format."""
 
 from __future__ import annotations
 
@@ -26,6 +26,7 @@ _REFERENCE = {
     "tau": ("X_N", "Y_N", "Z_N", "K_Nm", "M_Nm", "N_Nm"),
     "v_c": ("vc_N_mps", "vc_E_mps", "vc_D_mps"),
 }
+_EXPECTED = "a folder of a run, .parquet, .mcap, .csv, .BIN, .tlog or .ulg"
 _FACTORS = {
     "deg": pi / 180.0,
     "deg/s": pi / 180.0,
@@ -43,20 +44,14 @@ def read_log(path: str | Path, parameters: Mapping[str, float] | None = None) ->
     """
     path = Path(path)
     if not path.exists():
-        raise InputInvalid(
-            path, "no such recording", "a folder of a run, .parquet, .mcap, .csv, .BIN or .tlog"
-        )
+        raise InputInvalid(path, "no such recording", _EXPECTED)
     suffix = path.suffix.lower()
     if suffix == ".csv":
         return _csv(path)
-    if suffix in (".bin", ".tlog"):
-        return _ardusub(path, parameters or {})
+    if suffix in (".bin", ".tlog", ".ulg"):
+        return _autopilot(path, parameters or {})
     if path.is_file() and suffix not in (".parquet", ".arrows", ".mcap"):
-        raise InputInvalid(
-            path,
-            f"{suffix or 'a file without suffix'!r} is not read",
-            "a folder of a run, .parquet, .mcap, .csv, .BIN or .tlog",
-        )
+        raise InputInvalid(path, f"{suffix or 'a file without suffix'!r} is not read", _EXPECTED)
     found = read_signals(path)
     return Signals(
         found.time, found.ticks, found.values_by_name, found.units, found.descriptions,
@@ -142,14 +137,17 @@ def _signals(t: Array, values: Mapping[str, Array], path: Path) -> Signals:
     return Signals(t, np.arange(len(t)), dict(values), {}, metadata={"file": str(path)})
 
 
-# ---- ArduSub ----------------------------------------------------------------------------------
+# ---- autopilots -------------------------------------------------------------------------------
 
 
-def _ardusub(path: Path, parameters: Mapping[str, float]) -> Signals:
-    from uuvsim_cosim.studies.identification.ardusub import signals_of_log
+def _autopilot(path: Path, parameters: Mapping[str, float]) -> Signals:
     from uuvsim_cosim.studies.identification.dataflash_log import read_dataflash
+    from uuvsim_cosim.studies.identification.log_signals import signals_of_log
+    from uuvsim_cosim.studies.identification.px4_log import read_px4
     from uuvsim_cosim.studies.identification.telemetry_log import read_telemetry
 
+    if path.suffix.lower() == ".ulg":
+        return signals_of_log(read_px4(path, parameters))
     log = (read_dataflash if path.suffix.lower() == ".bin" else read_telemetry)(path)
     return signals_of_log(replace(log, parameters={**log.parameters, **parameters}))
 
