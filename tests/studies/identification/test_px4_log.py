@@ -12,6 +12,7 @@ import pytest
 from tests.studies.identification.ulog_files import HEAVY_ROTORS, MOTORS, ulog
 from uuvsim_cosim.bridge.autopilots.px4 import thruster_commands
 from uuvsim_cosim.errors import InputInvalid
+from uuvsim_cosim.studies.identification.channels import read_channels
 from uuvsim_cosim.studies.identification.logs import read_log
 
 U = thruster_commands(MOTORS).tolist()
@@ -126,3 +127,21 @@ def test_truncated_and_damaged_logs_are_reported(
     with pytest.raises(InputInvalid, match=r"begins with 6e 6f 20.*expected a ULog of PX4"):
         read_log(path)
     assert capsys.readouterr().out == ""
+
+
+def test_channels_name_a_topic_and_its_fields(tmp_path: Path) -> None:
+    path = ulog(tmp_path / "1.ulg")
+    chosen = read_channels([
+        "depth=vehicle_local_position:z?factor=2", "attitude=vehicle_attitude:q",
+        "dvl=vehicle_visual_odometry:velocity",
+    ])  # fmt: skip
+    signals = read_log(path, None, chosen)
+    assert mean(signals["eta"])[2:] == pytest.approx([10.0, 0.1, 0.0, pi / 2], abs=1e-6)
+    assert mean(signals["nu"])[0] == pytest.approx((0.9 + 7.0) / 2)
+    for place, message in (
+        ("vehicle_locl_position:z", "no topic 'vehicle_locl_position'; expected .*_local_position"),
+        ("vehicle_local_position:w", "no field 'w'"),
+        ("vehicle_local_position", "no field; expected vehicle_local_position:FIELD"),
+    ):
+        with pytest.raises(InputInvalid, match=message):
+            read_log(path, None, read_channels([f"depth={place}"]))

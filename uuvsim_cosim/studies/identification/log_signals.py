@@ -13,12 +13,16 @@ from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.orchestrator.recording.signals import Signals
 from uuvsim_cosim.studies.identification.ardusub import motors_of
 from uuvsim_cosim.studies.identification.exclusions import exclusions
-from uuvsim_cosim.studies.identification.vehicle_log import Series, VehicleLog
+from uuvsim_cosim.studies.identification.vehicle_log import (
+    COMMANDS,
+    Series,
+    VehicleLog,
+    check_pauses,
+)
 
 __all__ = ["signals_of_log"]
 
 Array = NDArray[np.float64]
-_AHEAD = 3600.0  # s: a longer pause is no pause, but another clock
 _TURN = 300.0  # between two samples of an angle: a full turn in degrees
 _ROLL, _PITCH = 3.3, 1.65  # rad: more than pi and pi/2 with noise
 _STATES = ("armed", "surfaced", "bottomed")
@@ -39,7 +43,9 @@ def signals_of_log(log: VehicleLog) -> Signals:
     _complete(log)
     remarks = list(log.remarks)
     vehicle, frame = log.vehicle, log.frame
-    name = next(n for n in ("u", "pwm", "tau") if n in log.series)
+    name, *others = [n for n in ("u", "pwm", "tau") if n in log.series]
+    if others:
+        remarks.append(f"{' and '.join(others)} in the log: not read, because {name} is there")
     commands = log.series[name]
     if name == "pwm":
         motors = motors_of(log)
@@ -52,7 +58,7 @@ def signals_of_log(log: VehicleLog) -> Signals:
     timed = [s.t for n, s in shifted.items() if n not in _STATES]
     time: Array = np.unique(np.round(np.concatenate(timed), 4)).astype(np.float64)
     time = time[time >= 0.0]
-    _check_clock(log.path, time, begin)
+    check_pauses(log.path, time + begin)
     _check_angles(log.path, log.series)
     eta, nu, range_ = (np.full((len(time), k), np.nan, np.float64) for k in (6, 6, 1))
     for to, measured, columns in _PLACES:
@@ -101,23 +107,12 @@ def _complete(log: VehicleLog) -> None:
     measured, commanded = _MESSAGES.get(log.path.suffix.lower(), _OTHERS)
     if not {"attitude", "rates", "position"} & log.series.keys():
         lacking.append(f"attitude or position ({measured})")
-    if not {"pwm", "u", "tau"} & log.series.keys():
+    if not COMMANDS & log.series.keys():
         lacking.append(f"the thrusters' commands ({commanded})")
     if lacking:
         there = ", ".join(sorted(log.series)) or "nothing of use"
-        raise InputInvalid(f"{log.path}: lacks {' and '.join(lacking)}; it has {there}")
-
-
-def _check_clock(path: Path, time: Array, begin: float) -> None:
-    """Refuse a clock that jumps ahead, as one that was set during the recording."""
-    pauses = np.diff(time)
-    if len(pauses) and pauses.max() > _AHEAD:
-        k = int(np.argmax(pauses))
-        raise InputInvalid(
-            path,
-            f"the clock jumps ahead by {pauses[k]:.4g} s at {begin + time[k]:.3f} s",
-            "one clock for the whole log; split the log there",
-        )
+        more = "".join(f"; {r}" for r in log.remarks if " that are not read: " in r)
+        raise InputInvalid(f"{log.path}: lacks {' and '.join(lacking)}; it has {there}{more}")
 
 
 def _check_angles(path: Path, series: Mapping[str, Series]) -> None:

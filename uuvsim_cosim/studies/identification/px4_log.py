@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from contextlib import redirect_stdout
 from dataclasses import dataclass
+from functools import partial
 from io import StringIO
 from mmap import ACCESS_READ, mmap
 from pathlib import Path
@@ -21,6 +22,8 @@ from numpy.typing import NDArray
 
 from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.models.actuators.thruster_geometry import thruster_geometry
+from uuvsim_cosim.models.declaration.near_names import expected_names
+from uuvsim_cosim.studies.identification.channels import Channel, assigned
 from uuvsim_cosim.studies.identification.vehicle_log import (
     Series,
     VehicleLog,
@@ -33,22 +36,22 @@ __all__ = ["Rotors", "Topics", "read_px4", "rotors_of", "series_of_topics"]
 Array = NDArray[np.float64]
 Table = Mapping[str, Array]  # columns of a topic by field, with `timestamp` [us]
 Topics = Mapping[str, Table]  # first instance of each topic by its name
-_SUBMARINE, _DOWN, _ARMED, _BODY_FRD, _VALID = 12, 25, 2, 3, 0.5
+_SUBMARINE, _DOWN, _ARMED, _NED, _BODY_FRD, _VALID = 12, 25, 2, 1, 3, 0.5
 _HEADER, _KINDS = 16, frozenset(b"FDIMPQARSOLCB")  # bytes, and letters of messages
 _MOTOR_1 = 101  # function of an output
 _SHIPPED = ("bluerov2", "bluerov2_heavy")
 _NEAR, _PARALLEL = 0.35, 0.9  # of places by the largest distance, and of directions
 _READ = (
     "vehicle_attitude", "vehicle_angular_velocity", "vehicle_local_position", "sensor_combined",
-    "vehicle_visual_odometry", "distance_sensor", "battery_status", "actuator_armed",
-    "vehicle_status", "actuator_motors", "actuator_outputs",
+    "vehicle_visual_odometry", "vehicle_odometry", "distance_sensor", "battery_status",
+    "actuator_armed", "vehicle_status", "actuator_motors", "actuator_outputs",
 )  # fmt: skip
 
 
-def read_px4(path: Path, given: Mapping[str, float]) -> VehicleLog:
+def read_px4(path: Path, given: Mapping[str, float], channels: Mapping[str, Channel]) -> VehicleLog:
     """Read a .ulg; raises InputInvalid for a log of another vehicle than a submarine.
 
-    `given` are parameters in addition to those of the log.
+    `given` are parameters in addition to those of the log, and `channels` replace its usual topics.
     """
     try:
         from pyulog import ULog
@@ -63,7 +66,7 @@ def read_px4(path: Path, given: Mapping[str, float]) -> VehicleLog:
     remarks = list(_damage(path))
     try:
         with redirect_stdout(StringIO()):  # pyulog prints what it finds damaged
-            log: Any = ULog(str(path), list(_READ))
+            log: Any = ULog(str(path), [*_READ, *(c.topic for c in channels.values())])
     except Exception as error:  # bytes of another program: whatever pyulog raises for them
         shown = str(error) or type(error).__name__
         raise InputInvalid(path, f"cannot be read ({shown})", "a complete ULog of PX4") from None
@@ -94,9 +97,32 @@ def read_px4(path: Path, given: Mapping[str, float]) -> VehicleLog:
         series["u"] = Series(commands.t, rotors.commands(commands.values))
         vehicle, frame = rotors.vehicle, rotors.frame
         remarks += rotors.remarks
+    series |= assigned(path, channels, partial(_channel, path, topics))
     return VehicleLog(
         path, with_depth(series), parameters, firmware, tuple(remarks), vehicle, frame
     )
+
+
+def _channel(path: Path, topics: Topics, channel: Channel) -> tuple[Array, Array]:
+    """Return times and numbers of a topic's fields; an array of a message is one field."""
+    place = f"{path}: {channel}"
+    table = topics.get(channel.topic)
+    if table is None:
+        raise InputInvalid(
+            place, f"no topic {channel.topic!r}", expected_names(channel.topic, sorted(topics))
+        )
+    columns = []
+    for field in channel.fields:
+        own = [n for n in table if n == field or n.startswith(f"{field}[")]
+        if not own:
+            raise InputInvalid(place, f"no field {field!r}", expected_names(field, sorted(table)))
+        columns += [table[n] for n in own]
+    if not columns:
+        raise InputInvalid(place, "no field", f"{channel.topic}:FIELD")
+    values = np.stack(columns, axis=1)
+    if channel.series == "attitude" and values.shape[1] == 4:  # PX4 has w x y z
+        values = values[:, [1, 2, 3, 0]]
+    return table["timestamp"] * 1e-6, values
 
 
 def _damage(path: Path) -> Iterator[str]:
@@ -151,6 +177,7 @@ def series_of_topics(path: Path, topics: Topics) -> dict[str, Series]:
     if q is not None:
         put("attitude", "vehicle_attitude", euler_of(q))
     _put_position(topics, put)
+    _put_odometry(topics, found, put)
     velocity = _columns(topics, "vehicle_visual_odometry", "velocity[{}]", 3)
     if velocity is not None:  # by which PX4 takes the velocity of a DVL
         frame = topics["vehicle_visual_odometry"].get("velocity_frame")
@@ -198,6 +225,19 @@ def _put_position(topics: Topics, put: Any) -> None:
         bottom, valid = (topics[name].get(f) for f in ("dist_bottom", "dist_bottom_valid"))
         if bottom is not None and valid is not None:
             put("range", name, bottom[:, None], valid >= _VALID)
+
+
+def _put_odometry(topics: Topics, found: Mapping[str, Series], put: Any) -> None:
+    """Add what only the estimator's odometry has, if it is in NED."""
+    name = "vehicle_odometry"
+    for to, fields, n, frame in (
+        ("position", "position[{}]", 3, "pose_frame"), ("attitude", "q[{}]", 4, "pose_frame"),
+        ("velocity", "velocity[{}]", 3, "velocity_frame"), ("rates", "angular_velocity[{}]", 3, ""),
+    ):  # fmt: skip
+        values = _columns(topics, name, fields, n)
+        if values is not None and to not in found:
+            is_ned = np.ones(len(values), bool) if not frame else topics[name][frame] == _NED
+            put(to, name, euler_of(values) if n == 4 else values, is_ned)
 
 
 def euler_of(q: Array) -> Array:

@@ -15,7 +15,15 @@ from numpy.typing import NDArray
 
 from uuvsim_cosim.errors import InputInvalid
 
-__all__ = ["SIZES", "Series", "VehicleLog", "check_firmware", "with_depth", "without_repetitions"]
+__all__ = [
+    "COMMANDS",
+    "SIZES",
+    "Series",
+    "VehicleLog",
+    "check_firmware",
+    "with_depth",
+    "without_repetitions",
+]
 
 Array = NDArray[np.float64]
 # Series of a log, and the number of their values; None: any.
@@ -23,7 +31,9 @@ SIZES: dict[str, int | None] = {
     "attitude": 3, "rates": 3, "position": 3, "velocity": 3, "dvl": 3, "depth": 1, "range": 1,
     "pwm": None, "u": None, "tau": 6, "voltage": 1, "armed": 1, "surfaced": 1, "bottomed": 1,
 }  # fmt: skip
+_AHEAD = 3600.0  # s: a longer pause is no pause, but another clock
 _BACKWARDS = 0.5  # s that the time of a message may lie before that of an earlier one
+COMMANDS = {"u", "pwm", "tau"}  # series, of which one is enough
 
 
 @dataclass(frozen=True)
@@ -66,6 +76,13 @@ def without_repetitions(path: Path, name: str, t: Array, values: Array) -> Serie
     """Return a series in the order of time, each time once; refuse a clock that jumps back."""
     if len(t) == 0:
         return Series(t, values.reshape(0, values.shape[-1]))
+    check_order(path, name, t)
+    t, first = np.unique(np.round(t, 4), return_index=True)
+    return Series(t, np.asarray(values, dtype=float)[first])
+
+
+def check_order(path: Path, name: str, t: Array) -> None:
+    """Refuse times (n,) of a clock that jumps back."""
     latest = np.maximum.accumulate(t)
     back = np.flatnonzero(t < latest - _BACKWARDS)
     if len(back):
@@ -75,8 +92,18 @@ def without_repetitions(path: Path, name: str, t: Array, values: Array) -> Serie
             f"the clock of {name} jumps back from {latest[k - 1]:.3f} to {t[k]:.3f} s",
             "times that increase: one start of the vehicle in a log; split the log there",
         )
-    t, first = np.unique(np.round(t, 4), return_index=True)
-    return Series(t, np.asarray(values, dtype=float)[first])
+
+
+def check_pauses(path: Path, t: Array) -> None:
+    """Refuse rising times (n,) with a clock that jumps ahead, as one that was set meanwhile."""
+    pauses = np.diff(t)
+    if len(pauses) and pauses.max() > _AHEAD:
+        k = int(np.argmax(pauses))
+        raise InputInvalid(
+            path,
+            f"the clock jumps ahead by {pauses[k]:.4g} s at {t[k]:.3f} s",
+            "one clock for the whole log; split the log there",
+        )
 
 
 def with_depth(series: Mapping[str, Series]) -> dict[str, Series]:
