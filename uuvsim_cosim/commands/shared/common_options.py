@@ -62,7 +62,8 @@ GROUPS: dict[str, dict[str, tuple[str, ...]]] = {
     },
     "identify": {
         _SYSTEM: ("--system", "--replace", "--set", "--hull"),
-        "Recording": ("--map", "--log-parameters", "--from", "--to", "--step"),
+        "Recording": ("--map", "--log-parameters", "--channel",
+                      "--from", "--to", "--step"),
         "Fit": ("--parameters", "--inputs", "--delay", "--unknown", "--residuals",
                 "--no-proposals"),
         OUTPUT: ("--save-as", "--manoeuvre"),

@@ -37,7 +37,8 @@ def identify_command(
     recording: Annotated[
         Path,
         typer.Argument(
-            help="Recording: folder of a run, .parquet, .mcap, .csv, or ArduSub's .BIN or .tlog."
+            help="Recording: folder of a run, .parquet, .mcap, .csv, ArduSub's .BIN or .tlog, "
+            "PX4's .ulg, or a bag of ROS (.mcap, .db3, .bag)."
         ),
     ],
     parameters: Annotated[
@@ -54,12 +55,22 @@ def identify_command(
             "--system",
             autocompletion=systems_and_models,
             help="System by name or file, or a hull such as model:bluerov2. "
-            "By default the vehicle that an ArduSub log names.",
+            "By default the vehicle that an autopilot's log names.",
         ),
     ] = None,
     log_parameters: Annotated[
         Path | None,
-        typer.Option("--log-parameters", help="File of ArduSub's parameters that the log lacks."),
+        typer.Option(
+            "--log-parameters", help="File of the autopilot's parameters that the log lacks."
+        ),
+    ] = None,
+    channel: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--channel",
+            help="Where a quantity is in the log: attitude=/ahrs:data?unit=deg&frame=ned, or a "
+            "YAML file of such lines.",
+        ),
     ] = None,
     replace: Annotated[
         list[str] | None,
@@ -151,6 +162,7 @@ def identify_command(
     Multiple shooting on the declared equations, 95 % intervals, and a more informative manoeuvre.
     """
     from uuvsim_cosim.studies.identification.assumptions import Assumptions
+    from uuvsim_cosim.studies.identification.channels import read_channels
     from uuvsim_cosim.studies.identification.identify import identify, recorded_system
     from uuvsim_cosim.studies.identification.logs import read_log, read_parameter_file
     from uuvsim_cosim.studies.identification.save import save_as as save
@@ -160,7 +172,7 @@ def identify_command(
     names = tuple(n.strip() for n in (unknown or "").split(",") if n.strip())
     assumed = Assumptions(inputs, delay, names, residuals)
     given = read_parameter_file(log_parameters) if log_parameters is not None else {}
-    signals = read_log(recording, given)
+    signals = read_log(recording, given, read_channels(channel or []))
     edited = recorded_system(signals, system)
     sources = assignments("--replace", replace or [], "component=source", dotted=False)
     for pattern, source in sources.items():
