@@ -43,6 +43,10 @@ def system(tmp_path_factory: pytest.TempPathFactory) -> System:
         "altimeter": f"model:altimeter?{scene}",
         "multibeam": f"model:multibeam?{scene}&beams=24",
         "camera": f"model:depth_camera?id=camera_class&{scene}&columns=5&rows=4",
+        "sonar": f"model:imaging_sonar?{scene}&beams=5&bins=20&columns=20&rays=6&range_max=9"
+        "&labels=true",
+        "side": f"model:side_scan_sonar?{scene}&bins=9&columns=4&rays=6&range_max=9",
+        "scan": f"model:scanning_sonar?{scene}&bins=9&columns=4&rays=6&range_max=9&period=0.06",
     }
     made = System("slope", "0.02", "A fall onto a slope").add(
         "hull",
