@@ -22,7 +22,11 @@ def test_brightness_is_decibels_below_one_reference() -> None:
     levels = Levels(2.0, span=40.0)
     magnitude = np.array([2.0, 0.2, 0.02, 0.002, 0.0, 50.0], np.float32)
     assert levels.shares(magnitude) == pytest.approx([1.0, 0.5, 0.0, 0.0, 0.0, 1.0], abs=1e-6)
-    assert str(levels) == "white: 126 dB re 1 uPa with gain, black: 40 dB below"
+    assert levels.words() == "white: 126 dB re 1 uPa with gain, black: 40 dB below"
+
+
+def test_a_file_without_a_unit_has_levels_in_counts() -> None:
+    assert Levels(2.0).words("counts") == "white: 2 counts, black: 60 dB below"
 
 
 def test_all_pings_of_a_recording_have_the_same_scale() -> None:

@@ -43,6 +43,11 @@ GROUPS: dict[str, dict[str, tuple[str, ...]]] = {
         "Access": ("--access", "--anyone", "--no-code"),
         OUTPUT: ("--out", "--no-record"),
     },
+    "export": {
+        OUTPUT: ("--out", "--scene"),
+        "ROS 2": ("--ros2", "--topics", "--distribution", "--origin"),
+        "Images of a sonar": ("--sonar", "--picture", "--span"),
+    },
     "terrain": {
         "Area": ("--around", "--size", "--resolution"),
         "Reading": ("--datum", "--unit", "--positive", "--crs", "--local"),
@@ -122,6 +127,7 @@ EXAMPLES: dict[str, tuple[str, ...]] = {
     "export": (
         "export runs/bluerov2_survey-0 -o run.csv",
         "export runs/bluerov2_survey-0 -o run.mcap --scene",
+        "export runs/wreck_inspection-0 -o sonar.webp --picture fan",
         "export bluerov2_hold -o page.html",
     ),
     "verify": (

@@ -46,7 +46,7 @@ def write_scans(
     else:
         levels = levels_of(scans, span)
         if kind != "labels":
-            notes.append(str(levels))
+            notes.append(levels.words(scans.unit))
         shown = scans if ending == ".webp" or kind == "waterfall" else scans.at(scans.time[-1])
         drawn = pictures(shown, kind, levels, size)
         data = png(next(drawn)) if ending == ".png" else webp(drawn, _durations(shown, kind))

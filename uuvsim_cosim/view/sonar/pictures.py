@@ -69,8 +69,10 @@ class Levels:
             below = 20.0 * np.log10(np.asarray(magnitude, float) / self.reference)
         return np.asarray(np.clip(1.0 + below / self.span, 0.0, 1.0))
 
-    def __str__(self) -> str:
+    def words(self, unit: str = "Pa") -> str:
         """Return the scale in words."""
+        if unit != "Pa":
+            return f"white: {self.reference:.4g} {unit}, black: {self.span:g} dB below"
         white = 20.0 * np.log10(self.reference / 1e-6)
         return f"white: {white:.0f} dB re 1 uPa with gain, black: {self.span:g} dB below"
 
@@ -119,7 +121,10 @@ def pictures(
             image, inside, across, up = cartesian(values, scans.bearings, scans.ranges, size)
             pixels = np.where(inside[..., None], colours(image), np.uint8(0))
             pixels[~inside] = _BACKGROUND
-            yield _framed(pixels, across, up, ("starboard [m]", "ahead [m]"), title)
+            if scans.downward:
+                pixels, up = pixels[::-1], up[::-1]
+            names = ("starboard [m]", "down [m]" if scans.downward else "ahead [m]")
+            yield _framed(pixels, across, up, names, title)
 
 
 def polar(image: NDArray[np.generic]) -> NDArray[np.generic]:
@@ -231,9 +236,11 @@ def _framed(
         (*across, width, _at_bottom(canvas, left, base)),
         (*up, height, _at_left(canvas, left, base)),
     ):
-        step = nice_step(max((high - low) / max(length / 70.0, 1.0), 1e-6))
-        for value in ticks(low, high, step).tolist():
-            drawn((value - low) / max(high - low, 1e-9) * length, label(value, step))
+        least, most = min(low, high), max(low, high)
+        step = nice_step(max((most - least) / max(length / 70.0, 1.0), 1e-6))
+        for value in ticks(least, most, step).tolist():
+            share = (value - least) / max(most - least, 1e-9)
+            drawn((share if low <= high else 1.0 - share) * length, label(value, step))
     canvas.text((left + width / 2, base + 22), names[0], _INK, 11, anchor=(0.5, 0.0))
     canvas.text((4, 6), names[1], _INK, 11)
     canvas.text((left + width, 6), title, _INK, 11, anchor=(1.0, 0.0))

@@ -26,7 +26,7 @@ class SonarScans:
     time: Array  # (n,) s, of each ping
     bearings: Array  # (beams,) rad, rising
     ranges: Array  # (bins,) m, middle of each bin, rising
-    magnitude: NDArray[np.float32]  # (n, beams, bins) Pa, with the time-varying gain
+    magnitude: NDArray[np.float32]  # (n, beams, bins) in `unit`, with the time-varying gain
     pressure: NDArray[np.complex64] | None = None  # (n, beams, bins) Pa, where it was recorded
     detections: Array | None = None  # (n, beams) m, range of the strongest echo; 0: none
     labels: NDArray[np.uint16] | None = None  # (n, beams, bins), index into `shown`
@@ -34,6 +34,8 @@ class SonarScans:
     eta: Array | None = None  # (n, 6) pose of the hull at each ping
     frequency: float = 0.0  # Hz; 0: not known
     sound_speed: float = 0.0  # m/s; 0: not known
+    downward: bool = False  # whether the fan looks down, as that of a multibeam
+    unit: str = "Pa"  # of the magnitude; counts where a file states none
 
     def __post_init__(self) -> None:
         n, beams, bins = len(self.time), len(self.bearings), len(self.ranges)

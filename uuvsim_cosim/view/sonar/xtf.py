@@ -1,12 +1,16 @@
 """Pings of a side-scan sonar in the eXtended Triton Format (XTF), by pyxtf.
 
-Samples are whole numbers of 16 bits, proportional to the magnitude, in the order in which they
-arrive on both sides. Positions are metres east and north of the local frame's origin.
+Samples are whole numbers of 16 bits, proportional to the magnitude. Those of the port side begin
+with the farthest one, those of the starboard side with the nearest one, as the format demands, so
+that both sides side by side are an image. Its speed of sound is half of that of the water, which
+turns a time into a range. Positions are metres east and north of the local frame's origin.
 """
 
 from __future__ import annotations
 
+import warnings
 from datetime import UTC, datetime, timedelta
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -14,7 +18,7 @@ import numpy as np
 from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.view.sonar.scans import SonarScans
 
-__all__ = ["xtf"]
+__all__ = ["read_xtf", "xtf"]
 
 _COUNTS = 65_535
 _INTEGER = 3  # SampleFormat: 2-byte integer
@@ -27,12 +31,7 @@ def xtf(scans: SonarScans) -> tuple[bytes, float]:
 
     Raises `InputInvalid` without pyxtf, and for a sonar that is no side-scan.
     """
-    try:
-        import pyxtf
-    except ImportError:
-        raise InputInvalid(
-            "XTF", "pyxtf is not installed", "pip install 'uuvsim-cosim[sonar]'"
-        ) from None
+    pyxtf = _pyxtf()
     if not scans.is_side_scan:
         raise InputInvalid(
             scans.name, f"XTF of {len(scans.bearings)} beams", "a side-scan sonar: one beam a side"
@@ -41,6 +40,53 @@ def xtf(scans: SonarScans) -> tuple[bytes, float]:
     step = float(np.median(np.diff(scans.ranges))) if len(scans.ranges) > 1 else 0.0
     pings = [_ping(pyxtf, scans, k, count, step) for k in range(len(scans))]
     return b"".join([_file_header(pyxtf, scans, count), *pings]), count
+
+
+def read_xtf(file: str | Path) -> SonarScans:
+    """Read the pings of a side-scan sonar from a file that any program recorded.
+
+    The magnitudes are the samples of the file, whose unit it does not state. Raises `InputInvalid`
+    for a file that cannot be read, and for one without a port and a starboard channel.
+    """
+    pyxtf = _pyxtf()
+    wanted = "an XTF file with a port and a starboard channel of a side-scan sonar"
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # packets of other kinds
+            head, packets = pyxtf.xtf_read(str(file))
+        pings = packets.get(pyxtf.XTFHeaderType.sonar, [])
+        kinds = [head.ChanInfo[i].TypeOfChannel for i in range(head.NumberOfSonarChannels)]
+        port, starboard = (
+            kinds.index(kind.value)
+            for kind in (pyxtf.XTFChannelType.port, pyxtf.XTFChannelType.stbd)
+        )
+        bins = max((len(p.data[port]) for p in pings), default=0)
+        whole = [p for p in pings if len(p.data[port]) == len(p.data[starboard]) == bins > 0]
+        magnitude = [[p.data[port][::-1], p.data[starboard]] for p in whole]
+        far = float(whole[0].ping_chan_headers[starboard].SlantRange)
+        begin = whole[0].get_time()
+    except (OSError, RuntimeError, NotImplementedError, ValueError, IndexError) as error:
+        raise InputInvalid(file, f"{error or type(error).__name__}", wanted) from None
+    seconds = np.array([(p.get_time() - begin) / np.timedelta64(1, "s") for p in whole])
+    # Hundredths of a second are too coarse for some rates: equal times are spread.
+    seconds = np.maximum.accumulate(seconds) + 1e-6 * np.arange(len(seconds))
+    speed = float(whole[0].SoundVelocity)
+    ranges = np.linspace(0.5, bins - 0.5, bins, dtype=np.float64) * (far / bins)
+    return SonarScans(
+        Path(file).stem, seconds, np.radians([-90.0, 90.0]), ranges,
+        np.array(magnitude, np.float32), frequency=1e3 * float(head.ChanInfo[port].Frequency),
+        sound_speed=2.0 * speed if speed < 1000.0 else speed, unit="counts",
+    )  # fmt: skip
+
+
+def _pyxtf() -> Any:
+    try:
+        import pyxtf
+    except ImportError:
+        raise InputInvalid(
+            "XTF", "pyxtf is not installed", "pip install 'uuvsim-cosim[sonar]'"
+        ) from None
+    return pyxtf
 
 
 def _file_header(pyxtf: Any, scans: SonarScans, count: float) -> bytes:
@@ -73,7 +119,8 @@ def _ping(pyxtf: Any, scans: SonarScans, k: int, count: float, step: float) -> b
     p.HSeconds = when.microsecond // 10_000
     p.JulianDay = when.timetuple().tm_yday
     p.PingNumber = k
-    p.SoundVelocity = p.ComputedSoundVelocity = scans.sound_speed
+    p.SoundVelocity = scans.sound_speed / 2.0
+    p.ComputedSoundVelocity = scans.sound_speed
     if scans.eta is not None:
         north, east, down, roll, pitch, yaw = scans.eta[k].tolist()
         p.SensorYcoordinate = p.ShipYcoordinate = north
@@ -96,7 +143,8 @@ def _ping(pyxtf: Any, scans: SonarScans, k: int, count: float, step: float) -> b
         channel.Frequency = round(scans.frequency / 1e3)
         channel.NumSamples = len(scans.ranges)
         p.ping_chan_headers.append(channel)
-        p.data.append(np.round(scans.magnitude[k, i] / count).astype("<u2"))
+        samples = scans.magnitude[k, i, :: 1 if i else -1]
+        p.data.append(np.round(samples / count).astype("<u2"))
     p.NumChansToFollow = 2
     p.NumBytesThisRecord = len(p.to_bytes())
     return bytes(p.to_bytes())

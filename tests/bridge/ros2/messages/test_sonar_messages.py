@@ -19,6 +19,7 @@ RANGES = np.array([2.5, 3.0, 3.5])
 FACTS = {
     "sonar": {
         "@bearings": BEARINGS, "@ranges": RANGES, "@scale": np.ones(4),
+        "@beams": np.stack([np.cos(BEARINGS), np.sin(BEARINGS), 0 * BEARINGS], axis=1),
         "@directions": np.stack([np.cos(BEARINGS), np.sin(BEARINGS), 0 * BEARINGS], axis=1),
         "frequency": np.array(900e3), "sound_speed": np.array(1480.0),
     }
@@ -121,6 +122,31 @@ HASHES = {
 def test_the_types_are_those_of_marine_acoustic_msgs(kind: str) -> None:
     assert [field for field, _ in STORE.fielddefs[f"{PACKAGE}/{kind}"][1]] == FIELDS[kind]
     assert STORE.hash_rihs01(f"{PACKAGE}/{kind}") == f"RIHS01_{HASHES[kind]}"
+
+
+def test_a_scanning_sonar_has_the_angle_of_each_ping() -> None:
+    facts = {"sonar": FACTS["sonar"] | {"@bearings": np.zeros(1), "@beams": np.eye(3)[:1],
+                                        "@scale": np.ones(1)}}  # fmt: skip
+    del facts["sonar"]["@directions"]
+    variables = VARIABLES | {
+        "sonar.magnitude": Variable("f", 3), "sonar.range": Variable("f", 1),
+        "sonar.bearing": Variable("f", 0),
+    }  # fmt: skip
+    topics = {t.type.rpartition("/")[2]: t for t in topics_of(variables, facts)}
+    assert "PointCloud2" not in topics
+    block = Rows(
+        [0.1, 0.2], sonar__magnitude=IMAGE[:2], sonar__range=[[3.0], [0.0]],
+        sonar__bearing=[-0.4, 0.3], sonar__valid=[True, True], sonar__t_sample=[0.1, 0.2],
+    )  # fmt: skip
+    for kind in ("RawSonarImage", "SonarDetections", "ProjectedSonarImage"):
+        topic_ = topics[kind]
+        _, rows = TopicWriter(topic_, STORE, facts).messages(block)
+        found = [STORE.deserialize_cdr(row.tobytes(), topic_.type) for row in rows]
+        if kind == "ProjectedSonarImage":
+            angles = [np.arctan2(m.beam_directions[0].y, m.beam_directions[0].z) for m in found]
+        else:
+            angles = [m.rx_angles[0] for m in found]
+        assert angles == pytest.approx([-0.4, 0.3])
 
 
 def test_the_strongest_echoes_are_a_cloud_of_points_too() -> None:

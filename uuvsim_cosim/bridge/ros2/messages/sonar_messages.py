@@ -20,7 +20,8 @@ __all__ = ["SONAR_CONVERSIONS"]
 Facts = Mapping[str, Array]
 _FLOAT32 = 8  # DTYPE_FLOAT32
 _BAD = 1  # DETECT_BAD_SONAR
-_NEEDS = frozenset({"@bearings", "@ranges", "frequency", "sound_speed"})
+_NEEDS = frozenset({"@bearings", "@beams", "@ranges", "frequency", "sound_speed"})
+_BEARING = frozenset({"bearing"})  # of a scanning sonar, whose ping has one beam
 
 
 def _info(f: Facts) -> dict[str, Array]:
@@ -48,12 +49,21 @@ def _step(f: Facts) -> float:
 
 
 def _projected(v: Values, f: Facts) -> dict[str, Array]:
-    b = f["@bearings"]
-    directions = np.stack([np.zeros_like(b), np.sin(b), np.cos(b)], axis=-1)
+    if "bearing" in v:
+        b = np.asarray(v["bearing"]).reshape(-1, 1)
+        directions = np.concatenate([np.zeros_like(b), np.sin(b), np.cos(b)], axis=-1)
+    else:
+        ahead, starboard, down = f["@beams"].T
+        directions = np.stack([-down, starboard, ahead], axis=-1).reshape(1, -1)
     return _pixels(v, f) | {
-        "beam_directions": directions.reshape(1, -1),
+        "beam_directions": directions,
         "ranges": f["@ranges"].reshape(1, -1),
     }
+
+
+def _angles(v: Values, f: Facts) -> Array:
+    """Return the bearings of the beams; the one of a scanning sonar differs from ping to ping."""
+    return np.asarray(v["bearing"]).reshape(-1, 1) if "bearing" in v else f["@bearings"][None]
 
 
 def _raw(v: Values, f: Facts) -> dict[str, Array]:
@@ -65,7 +75,7 @@ def _raw(v: Values, f: Facts) -> dict[str, Array]:
         "sample0": np.array([round(float(f["@ranges"][0]) / step)]),
         "tx_delays": np.zeros((1, n)),
         "tx_angles": np.zeros((1, n)),
-        "rx_angles": f["@bearings"].reshape(1, -1),
+        "rx_angles": _angles(v, f),
     }
 
 
@@ -79,7 +89,7 @@ def _detections(v: Values, f: Facts) -> dict[str, Array]:
         "tx_delays": np.zeros((1, n)),
         "intensities": np.where(r > 0, strongest, np.nan),
         "tx_angles": np.zeros((1, n)),
-        "rx_angles": f["@bearings"].reshape(1, -1),
+        "rx_angles": _angles(v, f),
     }
 
 
@@ -91,20 +101,23 @@ def _image_shape(f: Facts, *by_beam: str, by_bin: tuple[str, ...] = ()) -> Shape
 
 SONAR_CONVERSIONS = {
     "marine_acoustic_msgs/msg/ProjectedSonarImage": Conversion(
-        {"magnitude": ANY},
+        {"magnitude": ANY, "bearing": 1},
         _projected,
+        _BEARING,
         needs=_NEEDS,
         shape=lambda _, f: _image_shape(f, "beam_directions", by_bin=("ranges",)),
     ),
     "marine_acoustic_msgs/msg/RawSonarImage": Conversion(
-        {"magnitude": ANY},
+        {"magnitude": ANY, "bearing": 1},
         _raw,
+        _BEARING,
         needs=_NEEDS,
         shape=lambda _, f: _image_shape(f, "tx_delays", "tx_angles", "rx_angles"),
     ),
     "marine_acoustic_msgs/msg/SonarDetections": Conversion(
-        {"range": ANY, "magnitude": ANY},
+        {"range": ANY, "magnitude": ANY, "bearing": 1},
         _detections,
+        _BEARING,
         needs=_NEEDS,
         shape=lambda _, f: Shape(
             lengths=dict.fromkeys(
