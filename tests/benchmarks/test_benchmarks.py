@@ -24,6 +24,7 @@ SHORT: dict[str, str] = {
     "dataflash_index": "",
     "environment_speed": "--repeats 1",
     "growth": "--components 10 20 --vehicles 2 3 --lengths 2 --starts 1 --figure g.svg",
+    "identification_coverage": "--seeds 6 --no-contrast",
     "identification_speed": "--seconds 6 --before-seconds 4",
     "imaging_sonar": "--images 1 --repeats 1",
     "installation": "--until 0.1 --components thruster,battery --platforms linux64",
@@ -45,6 +46,7 @@ SHORT: dict[str, str] = {
     "bridge/round_trips": "--count 20",
     "snapshot_cost": "--repeats 5",
     "terrain": "CHART --resolution 50",
+    "variable_step": "--until 0.01 --repeats 1",
     "web_page": "bluerov2_hold --seconds 0.02 --repeats 1",
 }
 # Not in the extra `dev`: without it, the benchmark says what is missing, with status 2.
