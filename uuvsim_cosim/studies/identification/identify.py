@@ -201,6 +201,9 @@ def identify(
         f"{n.name} is at its bound: its interval is not reliable" for n in numbers if n.at_bound
     ]
     notes += [*signals.metadata.get("remarks", ())]
+    logged, own = signals.metadata.get("vehicle"), _vehicle_of(plan, at)
+    if logged and own and logged != own:
+        notes.append(f"the log is of {logged}, by its frame, and the fitted hull is {own}")
     notes += [f"left out: {e}" for e in signals.metadata.get("excluded", ())]
     if grid.computed:
         notes.append(f"computed from recorded signals: {', '.join(grid.computed)}")
@@ -323,6 +326,12 @@ def recorded_system(signals: Signals, source: str | Path | None) -> System:
             if component.source == "model:thruster_t200":
                 system = system.replace(path, f"{component.source}?scale=true")
     return system
+
+
+def _vehicle_of(plan: Plan, at: int) -> str:
+    """Return the vehicle that a hull states, without its set; empty if it states none."""
+    stated = plan.components[at].description.made_for.get("hull", "")
+    return str(stated).partition("@")[0].rpartition("/")[2]
 
 
 def _check_thrusters(signals: Signals, plan: Plan) -> None:

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.orchestrator.recording.signals import Signals
-from uuvsim_cosim.studies.identification.ardusub import motors_of
 from uuvsim_cosim.studies.identification.exclusions import exclusions
+from uuvsim_cosim.studies.identification.readers.ardusub import motors_of
 from uuvsim_cosim.studies.identification.vehicle_log import (
     COMMANDS,
     Series,
