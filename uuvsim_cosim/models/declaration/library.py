@@ -84,8 +84,10 @@ LIBRARY: dict[str, str] = {
     "trajectory": "uuvsim_cosim.models.guidance.trajectory:trajectory",
     "usbl": "uuvsim_cosim.models.sensors.usbl:usbl",
     "vehicle": "uuvsim_cosim.models.hull.vehicle:vehicle",
+    "water_column": "uuvsim_cosim.models.water.stratification:water_column",
     "waves": "uuvsim_cosim.models.water.waves:waves",
     "wrench": "uuvsim_cosim.models.actuators.wrench:wrench",
+    "yo_yo": "uuvsim_cosim.models.guidance.yo_yo:yo_yo",
 }
 
 # Other words for the same: they are found, but not listed.

@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from math import cos, pi, sin
 
 import casadi as ca
+import numpy as np
 
 from uuvsim_cosim.errors import ParameterInvalid
 from uuvsim_cosim.models.declaration.model import Clock, Model
@@ -107,8 +108,8 @@ def side_scan_sonar(
 
     def heads(_: Clock) -> Sequence[ca.DM]:
         c, s = cos(down), sin(down)
-        port = ca.DM([[0, 1, 0], [-c, 0, s], [s, 0, c]])  # columns: its x, y and z
-        starboard = ca.DM([[0, -1, 0], [c, 0, -s], [s, 0, c]])
-        return [port, starboard]
+        port = np.array([[0.0, 1.0, 0.0], [-c, 0.0, s], [s, 0.0, c]])  # columns: its x, y and z
+        starboard = np.array([[0.0, -1.0, 0.0], [c, 0.0, -s], [s, 0.0, c]])
+        return [ca.DM(port), ca.DM(starboard)]
 
     return declare_sonar(m, p, g, given, "beams to port and to starboard", heads)
