@@ -29,7 +29,9 @@ def add_web_assembly(fmu: Path, target: Path) -> Path:
         raise InputInvalid(file, "the FMU itself", "another file or folder to write")
     if archive.description.kind != "FMI 3.0":
         version = archive.description.kind
-        raise FmuError(fmu, f"{version}, for which the layered standard has no WebAssembly", "FMI 3.0")
+        raise FmuError(
+            fmu, f"{version}, for which the layered standard has no WebAssembly", "FMI 3.0"
+        )
     if archive.sources is None:
         raise FmuError(fmu, "no C sources that are listed", "an FMU with C sources")
     given = compilation_of(fmu, archive.folder, archive.sources)
