@@ -9,7 +9,11 @@ import numpy as np
 import pytest
 
 from uuvsim_cosim.kernels import fuse
-from uuvsim_cosim.models.declaration.parameter_files import parameter_set, propelled_ids, vehicle_size
+from uuvsim_cosim.models.declaration.parameter_files import (
+    parameter_set,
+    propelled_ids,
+    vehicle_size,
+)
 from uuvsim_cosim.models.hull.contact_reference import GRIP
 from uuvsim_cosim.models.hull.matrices import nominal
 from uuvsim_cosim.models.worlds.obstacles import Box, Capsule, Cylinder, Obstacle, Sphere
