@@ -5,6 +5,7 @@ from __future__ import annotations
 import ctypes
 from dataclasses import dataclass
 from functools import lru_cache
+from pathlib import Path
 from typing import final
 
 import numpy as np
@@ -132,7 +133,12 @@ class _SonarStruct(ctypes.Structure):
 @lru_cache
 def _library() -> ctypes.CDLL:
     source = content("fmus", "kernels") / "sonar_batch.c"
-    c = ctypes.CDLL(str(compile_shared([source], name="sonar_batch", include=runtime())))
+    return opened(compile_shared([source], name="sonar_batch", include=runtime()))
+
+
+def opened(library: Path) -> ctypes.CDLL:
+    """Load a compiled ``sonar_batch.c``."""
+    c = ctypes.CDLL(str(library))
     pointer, count = ctypes.c_void_p, ctypes.c_int64
     c.uuv_sonar_room.argtypes = [pointer, ctypes.c_int]
     c.uuv_sonar_room.restype = count
