@@ -29,7 +29,7 @@ fmi1Component FMI(InstantiateModel)(fmi1String name, fmi1String guid, fmi1Callba
 void FMI(FreeModelInstance)(fmi1Component c) { free(c); }
 fmi1Status FMI(SetTime)(fmi1Component c, fmi1Real t) {
     ((ball *)c)->t = t;
-    return fmi1OK;
+    return ((ball *)c)->again ? fmi1Error : fmi1OK; /* the event iteration has not converged */
 }
 fmi1Status FMI(Initialize)(fmi1Component c, fmi1Boolean controlled, fmi1Real tolerance, fmi1EventInfo *info) {
     ball *b = c;
