@@ -27,6 +27,18 @@ FOLDER = Path(__file__).parents[1] / "models" / "schema"
 WIDTH = 120
 # What the parameters of presets are, by name.
 WORDS = {
+    "T": "time constant of both servos",
+    "V_0": "volume at which the hull has its own buoyancy",
+    "V_max": "largest volume",
+    "V_min": "least volume",
+    "V_rate": "fastest change of volume",
+    "g": "acceleration of gravity",
+    "m_s": "mass that moves",
+    "r_V": "position of the bladder from CO, in b",
+    "rho": "density of the water",
+    "x_0": "place of the moving mass at which the hull has its own centre of gravity",
+    "x_max": "largest distance of the moving mass from x_0",
+    "x_rate": "fastest shift of the moving mass",
     "Q_nV": "loss of torque with the speed of advance",
     "Q_nn": "torque at rest: Q_nn |n| n",
     "T_n": "time constant of the shaft",

@@ -114,14 +114,16 @@ STIMULI = {
     "thruster_t200": Stimulus(2.0, {"u": 0.5}),
     "trajectory": Stimulus(120.0, shown=("eta_d", "nu_d", "waypoint")),
     "usbl": Stimulus(30.0, {"eta[1]": 20.0}, {"eta": [0, 0, 20, 0, 0, 0]}),
+    "water_column": Stimulus(20.0, {"eta[3]": 25.0}),
     "waves": Stimulus(60.0, {"eta[3]": 5.0}, tick="0.1"),
     "wrench": Stimulus(1.0, {"thrust[1]": 20.0, "thrust[2]": 20.0, "current[1]": 5.0}),
+    "yo_yo": Stimulus(120.0, {"eta[3]": 41.0, "eta[5]": 0.4}, {"eta": [0, 0, 20, 0, -0.38, 0]}),
 }  # fmt: skip
 
 _FORCE = {  # N: the surge force of a vehicle's step, of the size of its propulsion
     "bluerov2": 10.0, "bluerov2_heavy": 40.0, "desistek_saga": 20.0, "eca_a9": 15.0, "lauv": 8.0,
     "npsauv": 400.0, "pool8": 2.0, "remus100": 8.0, "rexrov": 500.0, "rexrov2": 500.0,
-    "sphere": 10.0, "tethys_lrauv": 10.0,
+    "slocum": 2.0, "sphere": 10.0, "tethys_lrauv": 10.0,
 }  # fmt: skip
 
 

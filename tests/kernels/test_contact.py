@@ -9,7 +9,11 @@ import numpy as np
 import pytest
 
 from uuvsim_cosim.kernels import fuse
-from uuvsim_cosim.models.declaration.parameter_files import parameter_set, vehicle_ids, vehicle_size
+from uuvsim_cosim.models.declaration.parameter_files import (
+    parameter_set,
+    propelled_ids,
+    vehicle_size,
+)
 from uuvsim_cosim.models.hull.contact_reference import GRIP
 from uuvsim_cosim.models.hull.matrices import nominal
 from uuvsim_cosim.models.worlds.obstacles import Box, Capsule, Cylinder, Obstacle, Sphere
@@ -152,7 +156,7 @@ def test_on_a_rough_bed_a_hull_has_no_more_than_its_fall_gives(
 
 @pytest.mark.slow
 @pytest.mark.parametrize("h", [0.01, 0.02])
-@pytest.mark.parametrize("vehicle", vehicle_ids())
+@pytest.mark.parametrize("vehicle", propelled_ids())
 def test_each_shipped_vehicle_is_stopped_at_each_shipped_step(
     tmp_path: Path, vehicle: str, h: float
 ) -> None:
@@ -185,7 +189,7 @@ def test_each_shipped_vehicle_is_stopped_at_each_shipped_step(
 
 @pytest.mark.slow
 @pytest.mark.parametrize("h", [0.05, 0.1])
-@pytest.mark.parametrize("vehicle", vehicle_ids())
+@pytest.mark.parametrize("vehicle", propelled_ids())
 def test_no_shipped_vehicle_passes_a_wall_of_5_cm_at_long_steps(
     tmp_path: Path, vehicle: str, h: float
 ) -> None:

@@ -13,7 +13,7 @@ from uuvsim_cosim.content import content
 from uuvsim_cosim.errors import SystemInvalid
 from uuvsim_cosim.fmus.export.fmu_file import build_fmu
 from uuvsim_cosim.models.declaration.library import declare
-from uuvsim_cosim.models.declaration.parameter_files import vehicle_ids
+from uuvsim_cosim.models.declaration.parameter_files import propelled_ids
 from uuvsim_cosim.models.importing.new_vehicle import write_vehicle
 from uuvsim_cosim.orchestrator.plan.flatten import flatten
 
@@ -50,7 +50,7 @@ def test_a_mass_without_its_weight_is_a_warning_for_a_hull_that_has_both() -> No
     assert not [w for w in flatten(both).warnings if "weight W" in w]
 
 
-@pytest.mark.parametrize("vehicle", vehicle_ids())
+@pytest.mark.parametrize("vehicle", propelled_ids())
 def test_the_shipped_vehicles_are_carried(vehicle: str) -> None:
     for mission in ("hold", "survey"):
         plan = flatten(uuv.system_of(vehicle, mission=mission))  # type: ignore[arg-type]

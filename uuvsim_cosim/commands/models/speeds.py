@@ -34,8 +34,8 @@ def speeds_command(
     """Compute the top speeds of vehicles in six directions and compare them with published ones."""
     from uuvsim_cosim.models.declaration.parameter_files import (
         parameter_set,
+        propelled_ids,
         split_address,
-        vehicle_ids,
         vehicle_sets,
     )
     from uuvsim_cosim.models.vehicles.top_speeds import (
@@ -46,7 +46,7 @@ def speeds_command(
     )
 
     if vehicle is None:
-        addresses = [f"{id}@{parameter_set(id).name}" for id in vehicle_ids()]
+        addresses = [f"{id}@{parameter_set(id).name}" for id in propelled_ids()]
     else:
         id, name = split_address(vehicle)
         addresses = [f"{id}@{s}" for s in ([name] if name else vehicle_sets(id))]

@@ -59,14 +59,14 @@ def missions_command(
     ] = None,
 ) -> None:
     """Fly each vehicle's missions, and print errors, energy, and the margins of its loops."""
-    from uuvsim_cosim.models.declaration.parameter_files import vehicle_ids
+    from uuvsim_cosim.models.declaration.parameter_files import propelled_ids
 
     if until is not None and not 0 < until < float("inf"):
         raise InputInvalid(f"--until {until:g}: expected more than 0 seconds")
     rows: list[tuple[object, ...]] = []
     refused: list[str] = []
     with tempfile.TemporaryDirectory() as folder:
-        for name in vehicle or vehicle_ids():
+        for name in vehicle or propelled_ids():
             try:
                 loops = _margins(name)
                 for label in FLIGHTS:

@@ -26,7 +26,8 @@ GROUPS: dict[str, dict[str, tuple[str, ...]]] = {
         _SYSTEM: ("--vehicle", "--set", "--replace", "--map", "--force", "--ardusub", "--px4",
                   "--loops", "--native", "--isolate", "--watchdog", "--grant", "--arm-real",
                   "--unsigned"),
-        _TIME: ("--until", "--start", "--rate", "--real-time", "--overruns"),
+        _TIME: ("--until", "--start", "--rate", "--variable-step", "--real-time",
+                "--overruns"),
         _INPUTS: ("--input", "--waypoints", "--origin", "--scenario", "--seed"),
         OUTPUT: ("--out", "--record-every", "--no-report", "--open", "--view", "--port",
                  "--trace-fmi"),
@@ -43,6 +44,11 @@ GROUPS: dict[str, dict[str, tuple[str, ...]]] = {
         "Access": ("--access", "--anyone", "--no-code"),
         OUTPUT: ("--out", "--no-record"),
     },
+    "export": {
+        OUTPUT: ("--out", "--scene"),
+        "ROS 2": ("--ros2", "--topics", "--distribution", "--origin"),
+        "Images of a sonar": ("--sonar", "--picture", "--span"),
+    },
     "systems new": {
         "Vehicle": ("--vehicle", "--mission", "--force"),
         "FMUs": ("--from", "--connect", "--step"),
@@ -56,8 +62,10 @@ GROUPS: dict[str, dict[str, tuple[str, ...]]] = {
     },
     "identify": {
         _SYSTEM: ("--system", "--replace", "--set", "--hull"),
-        "Recording": ("--map", "--log-parameters", "--from", "--to", "--step"),
-        "Fit": ("--parameters", "--no-proposals"),
+        "Recording": ("--map", "--log-parameters", "--channel",
+                      "--from", "--to", "--step"),
+        "Fit": ("--parameters", "--inputs", "--delay", "--unknown", "--residuals",
+                "--no-proposals"),
         OUTPUT: ("--save-as", "--manoeuvre"),
     },
     "study": {
@@ -131,6 +139,7 @@ EXAMPLES: dict[str, tuple[str, ...]] = {
     "export": (
         "export runs/bluerov2_survey-0 -o run.csv",
         "export runs/bluerov2_survey-0 -o run.mcap --scene",
+        "export runs/wreck_inspection-0 -o sonar.webp --picture fan",
         "export bluerov2_hold -o page.html",
     ),
     "verify": (

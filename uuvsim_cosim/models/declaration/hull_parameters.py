@@ -4,7 +4,8 @@ Names are Fossen's letters with the element's indices from 1: `M_A_15`, `D_q_11`
 A parameter that a set does not list is structurally zero: it costs nothing and cannot be set.
 A listed zero is a parameter like any other. `M_A_15` stands for `M_A_51` too unless that is
 listed; inertia is symmetric, indices rising; damping is not, both elements count. `D_u`,
-`D_f`, `C_D_y` and SNAME's products such as `Y_pq` are in hull/damping.py.
+`D_f`, `C_D_y` and SNAME's products such as `Y_pq` are in hull/damping.py, lift and drag of wings in
+hull/wings.py.
 The matrices made of them: inertia.py here, and hull/matrices.py.
 """
 
@@ -16,6 +17,7 @@ from dataclasses import dataclass
 from difflib import get_close_matches
 
 __all__ = [
+    "WINGS",
     "Meaning",
     "Product",
     "meaning_of",
@@ -50,6 +52,13 @@ _SCALARS = {
     "C_D_z": Meaning("1", "cross-flow drag coefficient of the hull seen from above", 0.0),
     "h_y": Meaning("m", "mean height of the hull seen from the side", 0.0),
     "b_z": Meaning("m", "mean breadth of the hull seen from above", 0.0),
+    "S": Meaning("m2", "reference area of the coefficients of lift and drag", 0.0),
+    "C_L_alpha": Meaning("1", "slope of the lift coefficient of hull and wings, per rad", 0.0),
+    "C_D_0": Meaning("1", "drag coefficient at no angle of attack", 0.0),
+    "C_D_alpha": Meaning("1", "rise of the drag coefficient with sin²(alpha)", 0.0),
+    "C_N": Meaning("1", "coefficient of the normal force beyond the stall", 0.0),
+    "alpha_stall": Meaning("rad", "angle of attack beyond which lift stops growing", 1e-3),
+    "x_w": Meaning("m", "x of the centre of lift and drag from CO"),
     "U_f": Meaning("m/s", "speed over which the damping D_f fades", 1e-6),
     "beta_rho": Meaning("1/m", "relative rise of the water's density with depth"),
     "beta_nabla": Meaning("1/m", "relative loss of the hull's volume with depth"),
@@ -59,6 +68,7 @@ FORCES, VELOCITIES = "XYZKMN", "uvwpqr"
 _PRODUCT = re.compile(rf"([{FORCES}])_([{VELOCITIES}])([{VELOCITIES}])$")
 _PER = ("m2", "(m.rad)", "rad2")  # by the number of angular rates
 _STRIPS = {"C_D_y", "h_y", "C_D_z", "b_z", "x_bow", "x_stern"}
+WINGS = ("S", "C_L_alpha", "C_D_0", "C_D_alpha", "C_N", "alpha_stall", "x_w")
 _LINEAR = ("N.s/m", "N.s/rad", "N.m.s/m", "N.m.s/rad")
 # Units of the four blocks of a matrix, row by row, and what its elements are.
 _MATRICES = {
@@ -130,8 +140,10 @@ def missing(names: Collection[str], surface: bool = True) -> Iterator[str]:
             lacking.append("C_D_y or C_D_z")
         if lacking:
             yield f"{', '.join(lacking)} missing; expected all that cross-flow drag by strips needs"
-        if not given & {"nabla", "g"}:
-            given -= {"rho"}  # of the drag, not of the buoyancy
+    if given & {*WINGS} and (lacking := sorted({*WINGS, "rho"} - given)):
+        yield f"{', '.join(lacking)} missing; expected all that lift and drag of wings need"
+    if given & {*WINGS, *_STRIPS} and not given & {"nabla", "g"}:
+        given -= {"rho"}  # of the drag, not of the buoyancy
     if given & by_force and given & by_volume:
         both = ", ".join(sorted(given & (by_force | by_volume)))
         yield f"{both} are given; expected either W and B, or rho, nabla and g, never both"

@@ -51,6 +51,7 @@ LIBRARY: dict[str, str] = {
     "gps": "uuvsim_cosim.models.sensors.gps:gps",
     "guidance": "uuvsim_cosim.models.guidance.line_of_sight:guidance",
     "helm": "uuvsim_cosim.models.guidance.helm:helm",
+    "imaging_sonar": "uuvsim_cosim.models.sensors.imaging_sonar:imaging_sonar",
     "imu": "uuvsim_cosim.models.sensors.imu:imu",
     "lbl": "uuvsim_cosim.models.sensors.lbl:lbl",
     "leak": "uuvsim_cosim.models.sensors.leak:leak",
@@ -60,6 +61,7 @@ LIBRARY: dict[str, str] = {
     "modem": "uuvsim_cosim.models.sensors.modem:modem",
     "mpc": "uuvsim_cosim.models.control.mpc:mpc",
     "multibeam": "uuvsim_cosim.models.sensors.multibeam_and_camera:multibeam",
+    "multibeam_sonar": "uuvsim_cosim.models.sensors.imaging_sonar:multibeam_sonar",
     "navigation": "uuvsim_cosim.models.navigation.error_state_filter:navigation",
     "navigation_fixes": "uuvsim_cosim.models.navigation.navigation_fixes:navigation_fixes",
     "path_following": "uuvsim_cosim.models.guidance.path_following:path_following",
@@ -70,6 +72,8 @@ LIBRARY: dict[str, str] = {
     "pressure": "uuvsim_cosim.models.sensors.pressure:pressure",
     "propeller": "uuvsim_cosim.models.actuators.propeller:propeller",
     "reference": "uuvsim_cosim.models.guidance.reference:reference",
+    "scanning_sonar": "uuvsim_cosim.models.sensors.scanning_sonar:scanning_sonar",
+    "side_scan_sonar": "uuvsim_cosim.models.sensors.scanning_sonar:side_scan_sonar",
     "sliding_mode": "uuvsim_cosim.models.control.sliding_mode:sliding_mode",
     "target": "uuvsim_cosim.models.guidance.target:target",
     "tether": "uuvsim_cosim.models.hull.tether:tether",
@@ -80,8 +84,10 @@ LIBRARY: dict[str, str] = {
     "trajectory": "uuvsim_cosim.models.guidance.trajectory:trajectory",
     "usbl": "uuvsim_cosim.models.sensors.usbl:usbl",
     "vehicle": "uuvsim_cosim.models.hull.vehicle:vehicle",
+    "water_column": "uuvsim_cosim.models.water.stratification:water_column",
     "waves": "uuvsim_cosim.models.water.waves:waves",
     "wrench": "uuvsim_cosim.models.actuators.wrench:wrench",
+    "yo_yo": "uuvsim_cosim.models.guidance.yo_yo:yo_yo",
 }
 
 # Other words for the same: they are found, but not listed.

@@ -30,6 +30,7 @@ __all__ = [
     "line_of",
     "parameter_set",
     "parsed_yaml",
+    "propelled_ids",
     "read_yaml",
     "schema_mistakes",
     "size_alone",
@@ -84,6 +85,12 @@ def split_address(address: str) -> tuple[str, str | None]:
 def vehicle_ids() -> list[str]:
     """List the vehicles that are shipped: each folder that holds a parameter file."""
     return sorted(p.parent.name for p in content("models", "vehicles").glob("*/parameters.yaml"))
+
+
+def propelled_ids() -> list[str]:
+    """List the shipped vehicles with thrusters or a propeller: all but the gliders."""
+    root = content("models", "vehicles")
+    return [id for id in vehicle_ids() if (root / id / "thrusters.yaml").is_file()]
 
 
 def is_vehicle(id: str) -> bool:

@@ -9,11 +9,13 @@ water; Fossen 2021, 2nd ed., chapter 10). With M = M_RB + M_A and C from M, the 
     M nu_r_dot = tau - C(nu_r) nu_r - D(nu_r) nu_r - g(eta),   nu_dot = nu_r_dot + nu_c_dot
 
 so added mass is implicit, through M, and stable at any mass ratio. D(nu_r) nu_r also contains lift,
-cross-flow drag by strips and SNAME's products, if a vehicle lists them (damping.py). In waves the
-water accelerates: the right-hand side then also has  M_A (a_c, 0)  and the pressure force that
-accelerates the water, rho nabla a_c at r_b (Froude and Krylov). If density and volume change with
-the depth D of the centre of buoyancy, buoyancy is  B (1 + (beta_rho - beta_nabla) D). Everything is
-about CO, in `b` (FRD); p = (N, E, D) and the current v_c are in `n` (NED).
+cross-flow drag by strips and SNAME's products, if a vehicle lists them (damping.py). Lift and drag
+of a glider's wings add to tau (wings.py). In waves the water accelerates: the right-hand side then
+also has  M_A (a_c, 0)  and the pressure force that accelerates the water, rho nabla a_c at r_b
+(Froude and Krylov). If density and volume change with the depth D of the centre of buoyancy,
+buoyancy is  B (1 + (beta_rho - beta_nabla) D). In stratified water, an input states the density:
+buoyancy is  density g nabla (1 - beta_nabla D). Everything is about CO, in `b` (FRD); p = (N, E, D)
+and the current v_c are in `n` (NED).
 """
 
 from __future__ import annotations
@@ -24,6 +26,7 @@ from collections.abc import Mapping, Sequence
 import casadi as ca
 import numpy as np
 
+from uuvsim_cosim.errors import ParameterInvalid
 from uuvsim_cosim.models.declaration.expression import Number
 from uuvsim_cosim.models.declaration.inertia import elements, symmetric
 from uuvsim_cosim.models.declaration.kinematics import R, T_q, euler_of_q, q_of_euler
@@ -34,6 +37,7 @@ from uuvsim_cosim.models.hull.coriolis import coriolis, inverse
 from uuvsim_cosim.models.hull.damping import cross_flow_of, damping, fading, lift, products
 from uuvsim_cosim.models.hull.matrices import declare_parameters, mass_of_water, structure
 from uuvsim_cosim.models.hull.restoring import floating, g, submerged_fraction
+from uuvsim_cosim.models.hull.wings import wings
 from uuvsim_cosim.models.shapes.volumes import Volume, vehicle_volumes
 from uuvsim_cosim.models.water.current import nu_c, nu_c_dot
 
@@ -51,6 +55,7 @@ def vehicle(
     values: Mapping[str, float] | None = None,
     compressible: bool | str = False,
     waves: bool | str = False,
+    stratified: bool | str = False,
 ) -> Model:
     """Declare the hull of the vehicle in the folder `id`, by one of its published sets.
 
@@ -58,7 +63,7 @@ def vehicle(
     `surface`: with true, buoyancy is lost by a smooth step over the hull's height; with false, it
     is constant; with "volumes", it follows from the volumes that the file lists (volumes.py).
     `compressible` adds beta_rho and beta_nabla, `waves` adds the inputs a_c and, with a surface,
-    zeta.
+    zeta. `stratified` adds the input density, of the water at the hull (`water_column`).
     """
     published = parameter_set(id, set)
     name = published.vehicle + ("" if published.is_default else f"_{published.name}")
@@ -73,6 +78,7 @@ def vehicle(
         surface=by_volumes or is_on("surface", surface, "volumes"),
         volumes=vehicle_volumes(id) if by_volumes else None,
         waves=is_on("waves", waves),
+        stratified=is_on("stratified", stratified),
         sources=sources,
         description=f"Hull of {published.vehicle}, parameter set {published.name}",
     )
@@ -85,6 +91,7 @@ def hull(
     surface: bool = True,
     volumes: Sequence[Volume] | None = None,
     waves: bool = False,
+    stratified: bool = False,
     sources: Mapping[str, str] | None = None,
     description: str = "",
 ) -> Model:
@@ -119,6 +126,24 @@ def hull(
     if waves and surface:
         depth = depth + m.input("zeta", unit="m", description="water's rise at the hull's N and E")
     afloat: Number = 1.0
+    rho: Number = p.get("rho", 0.0)
+    if stratified:
+        if "nabla" not in p:
+            raise ParameterInvalid(
+                f"{name}: stratified water", "a set with W and B", "one with rho, nabla and g"
+            )
+        if "beta_rho" in p:
+            raise ParameterInvalid(
+                f"{name}: stratified water and beta_rho", "density of both", "one of them"
+            )
+        rho = m.input(
+            "density",
+            unit="kg/m3",
+            start=numbers["rho"],
+            min=0.0,
+            description="of the water at the hull",
+        )
+        B = rho * p["g"] * p["nabla"]
     if "beta_rho" in p or "beta_nabla" in p:
         beta = p.get("beta_rho", 0.0) - p.get("beta_nabla", 0.0)
         B = B * (1.0 + beta * (depth + ca.dot(ca.densify(ca.SX(r_b)), down)))
@@ -143,6 +168,8 @@ def hull(
     if "x_bow" in p:
         load += -cross_flow_of(p, nu_r)
     load += products(p, nu_r)
+    if "S" in p:
+        load += wings(p, rho, nu_r)
     nu_dot = ca.mtimes(M_inv, load) + nu_c_dot(omega, v_c_b[:3])
     m.der(position, ca.mtimes(Rnb, nu[:3]))
     m.der(q, ca.mtimes(T_q(q), omega))

@@ -23,6 +23,7 @@ from uuvsim_cosim.models.declaration.parameter_files import (
     vehicle_file,
     vehicle_folder,
 )
+from uuvsim_cosim.models.hull.ballast import read_ballast
 from uuvsim_cosim.models.shapes.volumes import vehicle_volumes
 
 __all__ = ["read_folder"]
@@ -90,6 +91,7 @@ _READERS: dict[str, Callable[[Path], object]] = {
     "thrusters.yaml": lambda folder: read_thrusters(folder / "thrusters.yaml"),
     "propeller.yaml": lambda folder: read_propeller(folder / "propeller.yaml"),
     "fins.yaml": lambda folder: read_fins(folder / "fins.yaml"),
+    "ballast.yaml": lambda folder: read_ballast(str(folder / "ballast.yaml")),
     "control.yaml": _control,
     "published.yaml": lambda folder: read_yaml(
         folder / "published.yaml", "published.schema.json", _intervals

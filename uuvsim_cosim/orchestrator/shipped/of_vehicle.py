@@ -14,7 +14,7 @@ from typing import Literal, get_args
 
 import numpy as np
 
-from uuvsim_cosim.errors import InputInvalid
+from uuvsim_cosim.errors import InputInvalid, ParameterInvalid
 from uuvsim_cosim.models.control.fin_design import design_fins, fin_margins
 from uuvsim_cosim.models.control.margins import margin_words
 from uuvsim_cosim.models.control.vehicle_design import (
@@ -27,6 +27,7 @@ from uuvsim_cosim.models.control.vehicle_design import (
 from uuvsim_cosim.models.declaration.parameter_files import (
     split_address,
     vehicle_file,
+    vehicle_folder,
     vehicle_size,
 )
 from uuvsim_cosim.models.guidance.line_of_sight import MAX_WAYPOINTS, lawn_mower
@@ -82,6 +83,12 @@ def flight_of(vehicle: str, mission: Mission = "hold") -> Flight:
     """
     if mission not in MISSIONS:
         raise InputInvalid(f"mission {mission!r}", f"one of {', '.join(MISSIONS)}")
+    folder = vehicle_folder(split_address(vehicle)[0])
+    if (folder / "ballast.yaml").is_file() and not (folder / "thrusters.yaml").is_file():
+        raise ParameterInvalid(
+            f"{vehicle}: a glider, without thrusters and propeller, cannot fly {mission!r}",
+            "the system slocum_yo, or one of your own with yo_yo and ballast",
+        )
     size = vehicle_size(split_address(vehicle)[0])
     length = 1.0 if size is None else max(size.length, size.breadth)
     depth = max(5.0, math.ceil(3.0 * (1.0 if size is None else size.height)))

@@ -7,6 +7,7 @@ from dataclasses import replace
 from functools import partial
 
 from uuvsim_cosim.orchestrator.shipped.autopilot import bluerov2_with
+from uuvsim_cosim.orchestrator.shipped.glider import slocum_yo
 from uuvsim_cosim.orchestrator.shipped.pool import pool_tracking
 from uuvsim_cosim.orchestrator.shipped.tasks import OBSERVED, THRUSTERS, task_system
 from uuvsim_cosim.orchestrator.shipped.tracking import target_tracking
@@ -163,5 +164,6 @@ BUILDERS: dict[str, Callable[[], System]] = {
     "bluerov2_task": task_system,
     "pool_tracking": pool_tracking,
     "seabed_mapping": lambda: seabed_mapping(bluerov2_survey()),
+    "slocum_yo": slocum_yo,
     "target_tracking": partial(target_tracking, 2),
 }
