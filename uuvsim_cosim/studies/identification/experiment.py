@@ -3,12 +3,15 @@
 Each manoeuvre is simulated with the fitted model: open loop, from rest, with the noise of the
 residuals. Its Fisher information is computed as for a recording. The best one has the largest
 determinant of the information of data and manoeuvre together.
+
+If the residuals of a fit are not white, a step from its end tells which further unknown (a delay, a
+current, biases) would lower the sum of squares.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import reduce
 
 import casadi as ca
@@ -16,15 +19,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uuvsim_cosim.studies.identification.ambiguity import own_sizes, scaled_information
+from uuvsim_cosim.studies.identification.assumptions import MEASURED, Assumptions
 from uuvsim_cosim.studies.identification.fit import Fit
 from uuvsim_cosim.studies.identification.fitted_model import GreyBox
+from uuvsim_cosim.studies.identification.shooting import PRIOR, Shooting
+from uuvsim_cosim.studies.identification.signals import Grid
 
-__all__ = ["LIBRARY", "Proposal", "propose"]
+__all__ = ["LIBRARY", "Proposal", "improvements", "propose"]
 
 Array = NDArray[np.float64]
 AXES = ("surge", "sway", "heave", "roll", "pitch", "yaw")
 _SPEED = np.array([0.5, 0.3, 0.3, 0.5, 0.5, 0.6])  # m/s and rad/s that each axis is to reach
 _LENGTH = 40.0  # s
+_WORTH = 0.02  # share of the sum of squares, below which an unknown is not named
+_BESIDE = 0.25  # the same, relative to the share of the best one
 
 
 Shape = Callable[[Array], Array]  # times (n,) -> share of each axis' force (n, 6)
@@ -230,3 +238,53 @@ class _Drive:
             root = np.clip(np.sign(row) * np.sqrt(np.abs(row)), -1, 1)
             w[k] = root if k in self.commands else row
         return w, tau
+
+
+def improvements(box: GreyBox, grid: Grid, found: Fit, assumed: Assumptions) -> list[str]:
+    """Return which unknowns would lower the sum of squares of a fit, by a step from its end."""
+    if found.point is None or found.noise is None:
+        return []
+    measured = [MEASURED[j] for j in np.flatnonzero(np.isfinite(grid.y).any(axis=1))]
+    names = {f.name for f in box.fitted}
+    every = Assumptions(unknown=("delay", "current", "bias")).unknowns(measured)
+    more = [f for f in every if f.name not in names]
+    wide = GreyBox(box.plan, box.hull, [*box.fitted, *more], exact=box.tick > 0.0)
+    known = tuple(
+        d + (found.theta[box.delay] if k in box.delayed and box.delay is not None else 0.0)
+        for k, d in enumerate(grid.inputs.delays)
+    )
+    inputs = replace(grid.inputs, delays=known, delayed=wide.delayed)
+    theta = np.concatenate([found.theta, np.zeros(len(more))])
+    if box.delay is not None:
+        theta[box.delay] = 0.0
+    problem = Shooting(wide, replace(grid, inputs=inputs, w=inputs.at()))
+    if len(problem.follows) != len(found.point.starts):
+        return []
+    problem.delay = 0.0
+    point = problem.at(theta, found.point.starts, found.noise)
+    information, gradient = problem.normal_equations(point)
+    n = len(box.fitted)
+    groups: dict[str, list[int]] = {}
+    for k, f in enumerate(more, n):
+        groups.setdefault(f.name.partition("_")[0], []).append(k)
+    inner = information[:n, :n] + PRIOR**2 * np.eye(n)
+    told = []
+    for name, group in groups.items():
+        crossed = information[group, :n]
+        left = information[np.ix_(group, group)] - crossed @ np.linalg.solve(inner, crossed.T)
+        step = -np.linalg.solve(left + PRIOR**2 * np.eye(len(group)), gradient[group])
+        share = float(-step @ gradient[group]) / (2.0 * point.objective)
+        errors = np.sqrt(np.diag(np.linalg.inv(left + PRIOR**2 * np.eye(len(group)))))
+        clear = [i for i, (v, e) in enumerate(zip(step, errors, strict=True)) if abs(v) > 3.0 * e]
+        if share > _WORTH and clear:
+            those = [more[group[i] - n] for i in clear]
+            values = step[clear] * [f.size for f in those]
+            named = ",".join(f.name for f in those) if name == "bias" else name
+            earlier = assumed.inputs == "held" and name == "delay" and step[0] < 0.0
+            option = "--inputs linear or smooth" if earlier else f"--unknown {named}"
+            each = ", ".join(
+                f"{f.name} {v:.2g} {f.unit}" for f, v in zip(those, values, strict=True)
+            )
+            told.append((share, f"{option} lowers the sum of squares by {share:.0%} ({each})"))
+    most = max((share for share, _ in told), default=0.0)
+    return [text for share, text in sorted(told, reverse=True) if share > _BESIDE * most]

@@ -164,7 +164,7 @@ def identify(
     >>> number.start, round(number.value)
     (141.0, 200)
     """
-    from uuvsim_cosim.studies.identification.experiment import propose
+    from uuvsim_cosim.studies.identification.experiment import improvements, propose
     from uuvsim_cosim.studies.identification.fit import expected_information, fit
     from uuvsim_cosim.studies.identification.fitted_model import GreyBox
     from uuvsim_cosim.studies.identification.logs import read_log
@@ -202,6 +202,11 @@ def identify(
     ]
     notes += [*signals.metadata.get("remarks", ())]
     notes += [f"left out: {e}" for e in signals.metadata.get("excluded", ())]
+    if problem.windows.pieces > box.pieces(grid.h):
+        notes.append(
+            f"integrated in steps of {grid.h / problem.windows.pieces:.3g} s, because longer ones "
+            "moved the numbers"
+        )
     if grid.computed:
         notes.append(f"computed from recorded signals: {', '.join(grid.computed)}")
     measured = {n: bool(np.isfinite(y).any()) for n, y in zip(MEASURED, grid.y, strict=True)}
@@ -251,7 +256,12 @@ def identify(
         tuple(notes),
         tuple(assumed.texts),
         found.whiteness,
-        warning_of(found.whiteness, found.widened, assumed.residuals),
+        warning_of(
+            found.whiteness,
+            found.widened,
+            assumed.residuals,
+            lambda: improvements(box, grid, found, assumed),
+        ),
     )
 
 

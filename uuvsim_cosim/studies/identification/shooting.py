@@ -155,12 +155,32 @@ class Shooting:
         if factor is not None:
             shape = (len(self.follows), self.m + 1, len(self.measured), self.n_x + self.n_p + 1)
             rows = (rows.reshape(shape) * factor[self.measured, None]).reshape(rows.shape)
-        weak = np.zeros((self.n_x, self.n_x + self.n_p + 1))
-        weak[:, : self.n_x] = _WEAK * np.eye(self.n_x)
         weighted = replace(point, rows=rows)
-        first = self._first_rows(weighted, [weak] * int(np.sum(~self.follows)))
+        first = self._first_rows(weighted, [self._weak()] * int(np.sum(~self.follows)))
         of_theta = [r[self.n_x :, self.n_x : -1] for r in first.values()]
         return np.asarray(sum(r.T @ r for r in of_theta), dtype=float)
+
+    def normal_equations(self, point: Point) -> tuple[Array, Array]:
+        """Return information and gradient of theta (scaled), with all states eliminated."""
+        first = self._first_rows(point, self._prior(point.starts))
+        rows = np.vstack([r[self.n_x :, self.n_x :] for r in first.values()])
+        return rows[:, :-1].T @ rows[:, :-1], rows[:, :-1].T @ rows[:, -1]
+
+    def moved_by_integration(self, point: Point, noise: Noise) -> Array:
+        """Return by how much theta (scaled) would change with steps of half the length."""
+        self.windows.pieces *= 2
+        try:
+            finer = self.at(point.theta, point.starts, noise)
+        finally:
+            self.windows.pieces //= 2
+        rows = point.rows.copy()
+        rows[..., -1] = finer.rows[..., -1] - point.rows[..., -1]
+        change = replace(point, rows=rows, gap=finer.gap - point.gap)
+        first = self._first_rows(change, [self._weak()] * int(np.sum(~self.follows)))
+        of_theta = np.vstack([r[self.n_x :, self.n_x :] for r in first.values()])
+        prior = np.column_stack([PRIOR * np.eye(self.n_p), np.zeros(self.n_p)])
+        R = _triangular(np.vstack([of_theta, prior]))
+        return np.asarray(np.linalg.lstsq(R[:, :-1], -R[:, -1])[0], dtype=np.float64)
 
     def scores(self, point: Point) -> list[Array]:
         """Return, for each run, the scores of theta (scaled) at its points (n, n_p).
@@ -234,6 +254,11 @@ class Shooting:
             theta, starts, residual, rows, derivative[..., : self.n_x],
             derivative[..., self.n_x :], gap, 0.5 * squares,
         )  # fmt: skip
+
+    def _weak(self) -> Array:
+        weak = np.zeros((self.n_x, self.n_x + self.n_p + 1))
+        weak[:, : self.n_x] = _WEAK * np.eye(self.n_x)
+        return weak
 
     def _innovations(self, rows: Array, rho: Array) -> Array:
         """Return differences of successive rows; without a predecessor, rows of less weight."""

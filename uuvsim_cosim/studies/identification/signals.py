@@ -311,6 +311,8 @@ class _Supply:
             sampled = np.asarray(feed.factor * values[:, e] + feed.offset, dtype=float)
             smooth = feed.variable in WATER and self.course == "smooth"  # it has no spline
             course = "linear" if smooth else self.course
+            if course != "held":  # rows that repeat a value are no samples of it
+                sampled = np.where(self._own_rows(name), sampled, np.nan)
             return Curve(self.t, sampled, course)
         if feed.free:  # nothing feeds it: its start value; commands and forces have none
             if feed.variable in ("u", "tau", "thrust", "force"):
@@ -326,6 +328,19 @@ class _Supply:
         if made is None:
             return None
         return made[feed.variable][feed.element].scaled(feed.factor, feed.offset)
+
+    def _own_rows(self, name: str) -> NDArray[np.bool_]:
+        """Return the rows at which a signal was sampled: all, unless the log tells its times.
+
+        A log holds a signal at the times of other messages; ``sampled`` of the metadata has its
+        own times by name.
+        """
+        own = self.lookup.signals.metadata.get("sampled", {}).get(split_element_name(name)[0])
+        if own is None:
+            return np.ones(len(self.t), bool)
+        at = np.round(np.asarray(own, dtype=float), 4)
+        rows = np.isin(np.round(self.t, 4), at)
+        return rows if rows.any() else np.ones(len(self.t), bool)
 
     def _column(self, feed: Feed, name: str, width: int) -> int:
         """Return the column of a signal that a feed is: of many commands, that of the thruster."""
