@@ -36,6 +36,7 @@ _WINDOW = 3.0  # s
 PRIOR = 3e-2  # of theta, over its scale: too weak to matter unless the data hold no information
 _WEAK = 0.1  # weight of a run's first state, where the data do not determine it
 _BETWEEN = 64  # points that separate runs in a series
+_ALONE = 6000  # elements of a matrix that one thread decomposes
 _GROWTH = 1e10  # of the derivatives over the windows of a run, beyond which it is cut
 
 
@@ -199,9 +200,10 @@ class Shooting:
                 here[:, n_x:] += point.B[i]
             every = total.reshape(-1, n_x + self.n_p)
             weak = np.vstack([every[:, :n_x], _WEAK * np.eye(n_x)])
-            Q, _ = np.linalg.qr(weak)
-            rest = np.vstack([every[:, n_x:], np.zeros((n_x, self.n_p))])
-            rest = (rest - Q @ (Q.T @ rest))[: len(every)]
+            R = _triangular(
+                np.hstack([weak, np.vstack([every[:, n_x:], np.zeros((n_x, self.n_p))])])
+            )
+            rest = every[:, n_x:] - every[:, :n_x] @ np.linalg.solve(R[:n_x, :n_x], R[:n_x, n_x:])
             each = rest * point.rows[a:b, :, -1].reshape(-1, 1)
             shape = (b - a, self.m + 1, -1, self.n_p)
             at = self.m * np.arange(b - a)[:, None] + np.arange(self.m + 1)
@@ -347,7 +349,19 @@ class Shooting:
 
 
 def _triangular(rows: Array) -> Array:
-    """Return fewer rows with the same sum of squares: R of a QR decomposition."""
+    """Return fewer rows with the same sum of squares: R of a QR decomposition.
+
+    Many rows are decomposed in parts: for a larger matrix, libraries of linear algebra start
+    threads, which cost more than they gain.
+    """
+    count, n = rows.shape[-2:]
+    parts = -(-count * n // _ALONE)
+    if parts > 1 and count > 2 * n:
+        each = -(-count // parts)
+        padded = np.zeros((*rows.shape[:-2], parts * each, n))
+        padded[..., :count, :] = rows
+        few = _triangular(padded.reshape(*rows.shape[:-2], parts, each, n))
+        rows = few.reshape(*rows.shape[:-2], -1, n)
     return np.asarray(np.linalg.qr(rows, mode="r"), dtype=np.float64)
 
 
