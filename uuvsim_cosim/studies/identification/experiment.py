@@ -1,7 +1,9 @@
-"""Proposals of further manoeuvres: from a small library, ranked by D-optimality.
+"""Information of a recording: what it does not determine, and what would tell more.
 
-Each manoeuvre is simulated with the fitted model: open loop, from rest, with the noise of the
-residuals. Its Fisher information is computed as for a recording. The best one has the largest
+Weak directions of the Fisher information are combinations of parameters that the data do not
+determine. Further manoeuvres are proposed from a small library, ranked by D-optimality. Each one is
+simulated with the fitted model: open loop, from rest, with the noise of the residuals. Its Fisher
+information is computed as for a recording. The best one has the largest
 determinant of the information of data and manoeuvre together.
 
 If the residuals of a fit are not white, a step from its end tells which further unknown (a delay, a
@@ -10,7 +12,7 @@ current, biases) would lower the sum of squares.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import reduce
 
@@ -18,14 +20,15 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from uuvsim_cosim.studies.identification.ambiguity import own_sizes, scaled_information
 from uuvsim_cosim.studies.identification.assumptions import MEASURED, Assumptions
 from uuvsim_cosim.studies.identification.fit import Fit
 from uuvsim_cosim.studies.identification.fitted_model import GreyBox
+from uuvsim_cosim.studies.identification.parameters import Fitted
 from uuvsim_cosim.studies.identification.shooting import PRIOR, Shooting
 from uuvsim_cosim.studies.identification.signals import Grid
 
-__all__ = ["LIBRARY", "Proposal", "improvements", "propose"]
+__all__ = ["LIBRARY", "WEAK", "Proposal", "ambiguities", "improvements", "own_sizes", "propose",
+    "scaled_information"]  # fmt: skip
 
 Array = NDArray[np.float64]
 AXES = ("surge", "sway", "heave", "roll", "pitch", "yaw")
@@ -33,6 +36,63 @@ _SPEED = np.array([0.5, 0.3, 0.3, 0.5, 0.5, 0.6])  # m/s and rad/s that each axi
 _LENGTH = 40.0  # s
 _WORTH = 0.02  # share of the sum of squares, below which an unknown is not named
 _BESIDE = 0.25  # the same, relative to the share of the best one
+WEAK = 0.25  # relative standard error of a weak direction: ± 50 % at 95 %
+_SHARE, _CORRELATED = 0.3, 0.95
+
+
+def scaled_information(information: Array, theta: Array, fitted: Sequence[Fitted]) -> Array:
+    """Return the information of parameters in units of their own size."""
+    sizes = own_sizes(theta, fitted)
+    scaled: Array = information * np.outer(sizes, sizes)
+    return scaled
+
+
+def own_sizes(theta: Array, fitted: Sequence[Fitted]) -> Array:
+    """Return the size (n_p,) of each parameter at theta."""
+    least = np.array([max(f.size, 0.05 * abs(f.start)) for f in fitted])
+    size = np.maximum(np.abs(theta), least)
+    return np.where(size > 0, size, 1.0)
+
+
+def ambiguities(names: Sequence[str], scaled: Array) -> list[str]:
+    """Return a message for each combination of parameters that the data do not determine.
+
+    A combination is a direction in which all could change, each by its share of its own size,
+    with a standard error above a quarter; two that are correlated by more than 0.95 are named too.
+    """
+    values, directions = np.linalg.eigh(scaled)
+    found = []
+    named: set[frozenset[str]] = set()
+    for value, direction in zip(values, directions.T, strict=True):
+        error = float("inf") if value <= 0 else float(value**-0.5)
+        if error < WEAK:
+            continue
+        size = np.abs(direction) / np.abs(direction).max()
+        group = [n for n, s in zip(names, size, strict=True) if s > _SHARE]
+        named.add(frozenset(group))
+        bound = "" if error > 10.0 else f" better than ± {196 * error:.0f} % (95 %)"
+        if len(group) == 1:
+            found.append(f"the data do not determine {group[0]}{bound}")
+        else:
+            signs = np.sign(direction[[names.index(n) for n in group]])
+            how = "together" if np.all(signs == signs[0]) else "against each other"
+            found.append(
+                f"the data cannot separate {', '.join(group[:-1])} and {group[-1]}: they can "
+                f"change {how}, which the data do not determine{bound}"
+            )
+    try:
+        covariance = np.linalg.inv(scaled + 1e-9 * np.eye(len(names)))
+    except np.linalg.LinAlgError:
+        return found
+    errors = np.sqrt(np.maximum(np.diag(covariance), 1e-300))
+    for i, a in enumerate(names):
+        for j in range(i):
+            r = float(covariance[i, j] / (errors[i] * errors[j]))
+            pair = frozenset((a, names[j]))
+            weak = max(errors[i], errors[j]) > 0.5 * WEAK
+            if abs(r) > _CORRELATED and weak and not any(pair <= g for g in named):
+                found.append(f"{names[j]} and {a} are known together only (correlation {r:.3f})")
+    return found
 
 
 Shape = Callable[[Array], Array]  # times (n,) -> share of each axis' force (n, 6)
@@ -242,7 +302,7 @@ class _Drive:
 
 def improvements(box: GreyBox, grid: Grid, found: Fit, assumed: Assumptions) -> list[str]:
     """Return which unknowns would lower the sum of squares of a fit, by a step from its end."""
-    if found.point is None or found.noise is None:
+    if found.point is None or found.noise is None or grid.inputs is None:
         return []
     measured = [MEASURED[j] for j in np.flatnonzero(np.isfinite(grid.y).any(axis=1))]
     names = {f.name for f in box.fitted}

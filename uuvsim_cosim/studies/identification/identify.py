@@ -15,8 +15,8 @@ from uuvsim_cosim.orchestrator.plan.flatten import flatten
 from uuvsim_cosim.orchestrator.plan.plan import Plan
 from uuvsim_cosim.orchestrator.recording.signals import Signals
 from uuvsim_cosim.orchestrator.system.system import System
-from uuvsim_cosim.studies.identification.ambiguity import WEAK, ambiguities, scaled_information
 from uuvsim_cosim.studies.identification.assumptions import MEASURED, Assumptions
+from uuvsim_cosim.studies.identification.experiment import WEAK, ambiguities, scaled_information
 from uuvsim_cosim.studies.identification.residuals import Whiteness, warning_of
 
 if TYPE_CHECKING:

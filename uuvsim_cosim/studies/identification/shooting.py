@@ -221,7 +221,7 @@ class Shooting:
     def _linearised(self, theta: Array, starts: Array, noise: Noise) -> Point:
         around = theta
         if (place := self.box.delay) is not None:  # inputs are delayed, and dw is what is left
-            if theta[place] != self.delay:
+            if theta[place] != self.delay and self.grid.inputs is not None:
                 self.delay = float(theta[place])
                 self.windows.inputs = self._inputs(self.grid.inputs.at(self.delay))
             around = theta.copy()

@@ -31,7 +31,7 @@ from uuvsim_cosim.studies.identification.exclusions import kept_spans
 from uuvsim_cosim.studies.identification.fitted_model import Feed, GreyBox, feed_of
 from uuvsim_cosim.studies.identification.inputs import Curve, Inputs
 
-__all__ = ["ANGLES", "Grid", "Lookup", "grid_of"]
+__all__ = ["ANGLES", "MEASURED", "Grid", "Lookup", "grid_of"]
 
 Array = NDArray[np.float64]
 ANGLES = (3, 4, 5)
@@ -55,11 +55,11 @@ class Grid:
     t: Array
     h: float
     w: Array
-    inputs: Inputs
     y: Array
     computed: tuple[str, ...]  # what was computed from recorded signals beforehand
     measured: tuple[str, ...]  # the signals that eta and nu were read from
     runs: tuple[tuple[int, int], ...]  # first and last point of each part that is fitted
+    inputs: Inputs | None = None  # None: w is for one delay alone
 
 
 class Lookup:
@@ -190,9 +190,10 @@ def grid_of(
         raise InputInvalid(eta or nu, f"no number from {t[0]:g} to {t[-1]:g} s", "some")
     inputs = Inputs(grid, tuple(columns), tuple(delays), box.delayed)
     return Grid(
-        grid - grid[0], step, inputs.at(assumed.delay), inputs, y, tuple(supply.computed),
+        grid - grid[0], step, inputs.at(assumed.delay), y, tuple(supply.computed),
         tuple(n for n in (eta, nu) if n),
         _runs(lookup.signals, grid, step),
+        inputs,
     )  # fmt: skip
 
 
