@@ -148,6 +148,8 @@ def test_presteros_trajectory_gives_its_own_parameters_back(names: dict[str, flo
     for name, value in names.items():
         assert found[name].value == pytest.approx(value, rel=1e-4)
         assert abs(found[name].value - value) < found[name].half_width
+    assert found.warning is None  # what is left is the error of the solution, and no noise
+    assert any(n.startswith("integrated in steps of 0.0") for n in found.notes)
 
 
 def test_rows_that_repeat_a_command_are_no_samples_of_it() -> None:

@@ -59,7 +59,7 @@ class Fit:
     converged: bool
     status: str
     widened: Array  # factors of standard errors, because residuals are not white
-    whiteness: tuple[Whiteness, ...] = ()  # of each measured signal
+    whiteness: tuple[Whiteness, ...] = ()  # of each signal with noise
     point: Point | None = None  # where it ended
     noise: Noise | None = None  # its weights
 
@@ -120,7 +120,7 @@ def fit(
     tested = tuple(
         whiteness(j, values)
         for j, values in enumerate(p.series(p.innovations(point, noise)))
-        if j in p.measured
+        if j in p.measured and noise.sigma[j] > LEAST[j]  # smaller ones are of the solution
     )
     factor = np.ones(p.n_p)
     if residuals != "white" and not all(t.holds for t in tested):
