@@ -15,8 +15,8 @@ from uuvsim_cosim.orchestrator.plan.flatten import flatten
 from uuvsim_cosim.orchestrator.plan.plan import Plan
 from uuvsim_cosim.orchestrator.recording.signals import Signals
 from uuvsim_cosim.orchestrator.system.system import System
-from uuvsim_cosim.studies.identification.ambiguity import WEAK, ambiguities, scaled_information
 from uuvsim_cosim.studies.identification.assumptions import MEASURED, Assumptions
+from uuvsim_cosim.studies.identification.experiment import WEAK, ambiguities, scaled_information
 from uuvsim_cosim.studies.identification.residuals import Whiteness, warning_of
 
 if TYPE_CHECKING:
@@ -164,7 +164,7 @@ def identify(
     >>> number.start, round(number.value)
     (141.0, 200)
     """
-    from uuvsim_cosim.studies.identification.experiment import propose
+    from uuvsim_cosim.studies.identification.experiment import improvements, propose
     from uuvsim_cosim.studies.identification.fit import expected_information, fit
     from uuvsim_cosim.studies.identification.fitted_model import GreyBox
     from uuvsim_cosim.studies.identification.logs import read_log
@@ -205,6 +205,11 @@ def identify(
     if logged and own and logged != own:
         notes.append(f"the log is of {logged}, by its frame, and the fitted hull is {own}")
     notes += [f"left out: {e}" for e in signals.metadata.get("excluded", ())]
+    if problem.windows.pieces > box.pieces(grid.h):
+        notes.append(
+            f"integrated in steps of {grid.h / problem.windows.pieces:.3g} s, because longer ones "
+            "moved the numbers"
+        )
     if grid.computed:
         notes.append(f"computed from recorded signals: {', '.join(grid.computed)}")
     measured = {n: bool(np.isfinite(y).any()) for n, y in zip(MEASURED, grid.y, strict=True)}
@@ -254,7 +259,12 @@ def identify(
         tuple(notes),
         tuple(assumed.texts),
         found.whiteness,
-        warning_of(found.whiteness, found.widened, assumed.residuals),
+        warning_of(
+            found.whiteness,
+            found.widened,
+            assumed.residuals,
+            lambda: improvements(box, grid, found, assumed),
+        ),
     )
 
 

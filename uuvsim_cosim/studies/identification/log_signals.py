@@ -87,7 +87,11 @@ def signals_of_log(log: VehicleLog) -> Signals:
             f"has no part to fit: {'; '.join(map(str, excluded))}",
             "armed time under water",
         )
+    sampled = {"tau" if name == "tau" else "u": shifted["commands"].t}
+    if "voltage" in shifted:
+        sampled["voltage"] = shifted["voltage"].t
     metadata: dict[str, object] = {
+        "sampled": sampled,  # at all other times, these are held
         "file": str(log.path), "firmware": log.firmware, "vehicle": vehicle, "frame": frame,
         "remarks": tuple(remarks), "excluded": tuple(excluded), "start": begin,
     }  # fmt: skip
