@@ -225,8 +225,8 @@ def identify(
     actuators = []  # the fitted components whose thrust is an input of a wrench
     for i in sorted({i for f in fitted for i, _ in f.places} - {at}):
         part = box.parts[i]
-        own = {n for f in fitted for k, n in f.places if k == i}
-        held = {n: part.start_of(n) for n in part.usual if n not in own}
+        own_names = {n for f in fitted for k, n in f.places if k == i}
+        held = {n: part.start_of(n) for n in part.usual if n not in own_names}
         for t in plan.transfers:
             if t.source == i and t.source_variable.name == t.target_variable.name == "thrust":
                 size = int(np.prod(t.target_variable.shape, dtype=int))
