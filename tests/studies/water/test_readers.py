@@ -13,8 +13,8 @@ from uuvsim_cosim.studies.water.seaexplorer import density, salinity
 
 def test_salinity_and_density_have_the_check_values_of_unesco() -> None:
     """Fofonoff and Millard (1983): S 40 at 1.888091 of the ratio, 40 degC and 10,000 dbar."""
-    S = salinity(np.array([4.2914 * 1.888091]), np.array([40.0]), np.array([1e4]))
-    assert S == pytest.approx(40.0, abs=1e-4)
+    found = salinity(np.array([4.2914 * 1.888091]), np.array([40.0]), np.array([1e4]))
+    assert found == pytest.approx(40.0, abs=1e-4)
     rho = density(np.array([40.0]), np.array([40.0]), np.array([1e4]))
     assert rho == pytest.approx(1059.82037, abs=1e-4)
 
@@ -22,7 +22,7 @@ def test_salinity_and_density_have_the_check_values_of_unesco() -> None:
 def test_half_a_turn_of_the_first_joint_mirrors_the_moments_about_the_base_of_the_arm() -> None:
     angles = np.array([[0.4, 1.0, 0.7, 0.2]])
     one = moments_of_arm(angles)[0]
-    other = moments_of_arm(angles + [[np.pi, 0.0, 0.0, 0.0]])[0]
+    other = moments_of_arm(angles + np.array([np.pi, 0.0, 0.0, 0.0]))[0]
     weight = one[0]
     assert other[0] == pytest.approx(weight)
     assert 0.5 * (one + other)[1:] == pytest.approx(weight * np.array([0.10965, -0.25]))

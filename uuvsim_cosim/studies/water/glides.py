@@ -27,6 +27,7 @@ __all__ = ["judge_glides"]
 Array = NDArray[np.float64]
 _UNITS = {"C_D_0": "1", "nabla": "m3", "C_L_alpha": "1/rad", "epsilon": "1/Pa"}
 _UNDER = 2.0  # m of depth from which a flight is judged
+_JITTER = 0.1  # of a step, by which a sample may lie beside its point
 _LEAST = 0.2  # rad of pitch, above which the glider glides
 
 
@@ -64,7 +65,11 @@ def _course(
 ) -> Course:
     h = recording.step
     end = min(span[1], float(flight.t[-1]))
-    t = np.arange(max(span[0], float(flight.t[0])), end, h)
+    # The points lie at the samples: the CTD's clock ticks once in each step, with a constant phase.
+    turn = 2 * np.pi / h
+    phase = float(np.angle(np.mean(np.exp(1j * turn * flight.t)))) / turn
+    begin = max(span[0], float(flight.t[0]))
+    t = np.arange(np.ceil((begin - phase) / h) * h + phase, end, h)
 
     def on_grid(values: Array) -> Array:
         good = np.isfinite(values)
@@ -72,7 +77,7 @@ def _course(
 
     nearest = np.clip(np.searchsorted(flight.t, t), 1, len(flight.t) - 1)
     nearest -= t - flight.t[nearest - 1] < flight.t[nearest] - t
-    fresh = np.abs(flight.t[nearest] - t) < h
+    fresh = np.abs(flight.t[nearest] - t) < _JITTER * h
     measured = {"D": flight.depth, "V": flight.speed}
     truth = np.stack([np.where(fresh, measured[n][nearest], np.nan) for n in recording.signals])
     gaps = np.interp(t, flight.t[1:], np.diff(flight.t)) > 10.0

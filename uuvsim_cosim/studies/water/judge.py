@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.studies.identification.assumptions import MEASURED
 from uuvsim_cosim.studies.identification.identify import identify
-from uuvsim_cosim.studies.identification.signals import ANGLES
+from uuvsim_cosim.studies.identification.signals import ANGLES, Grid
 from uuvsim_cosim.studies.water.bootstrap import Measured, compare, root_mean_square
 from uuvsim_cosim.studies.water.linear_model import LinearModel, fit_linear_model
 from uuvsim_cosim.studies.water.model_predictions import Predictor
@@ -225,6 +225,16 @@ def _measured_before(course: Course, signal: int, at: NDArray[np.int64]) -> NDAr
     good = np.isfinite(course.held[signal])
     lags = range(max(1, round(1.0 / course.h)) + 1)
     return np.asarray(np.logical_and.reduce([good[np.maximum(at - k, 0)] for k in lags]), bool)
+
+
+def _unwrapped(grid: Grid, elements: list[int]) -> Array:
+    """Return judged measurements (n, K + 1); angles without jumps within a run."""
+    y = grid.y[elements].copy()
+    for i, e in enumerate(elements):
+        if e in ANGLES:
+            good = np.isfinite(y[i])
+            y[i, good] = np.unwrap(y[i, good])
+    return y
 
 
 def held(runs: tuple[tuple[int, int], ...], h: float, y: Array) -> Array:

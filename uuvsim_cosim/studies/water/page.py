@@ -101,7 +101,7 @@ def _summary(page: str, every: Mapping[str, Recording]) -> str:
             counts.append(", ".join(str(said.count(v)) for v in (
                 "better", "cannot be decided", "worse")))  # fmt: skip
         data = "shipped" if recording.is_shipped else "fetched"
-        cells = [f"[{name}](#{name.replace('_', '-')})", recording.kind, recording.licence, data]
+        cells = [f"[{name}](#{name})", recording.kind, recording.licence, data]
         lines.append(f"| {' | '.join([*cells, *counts])} |")
     return "\n".join(lines)
 

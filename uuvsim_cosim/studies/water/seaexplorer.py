@@ -61,7 +61,7 @@ def density(S: Array, t: Array, p: Array) -> Array:
     return found
 
 
-def write_flight(folder: Path, out: Path, every: float = 2.0) -> None:
+def write_flight(folder: Path, out: Path, every: float = 1.0) -> None:
     """Write the flight of a folder of raw files as CSV, a sample every so many seconds."""
     glider = _table(sorted(folder.glob("*.gli.sub.*")), "Timestamp", "%d/%m/%Y %H:%M:%S",
                     ("Pitch", "BallastPos", "LinPos"))  # fmt: skip
@@ -80,7 +80,7 @@ def write_flight(folder: Path, out: Path, every: float = 2.0) -> None:
         temperature[kept], battery[kept] / 1e3, strict=True,
     )  # fmt: skip
     lines = [
-        f"{a:.1f},{b:.3f},{c:.4f},{d:.1f},{e:.3f},{f:.3f},{g:.4f}," for a, b, c, d, e, f, g in rows
+        f"{a:.2f},{b:.3f},{c:.4f},{d:.1f},{e:.3f},{f:.3f},{g:.4f}," for a, b, c, d, e, f, g in rows
     ]
     out.write_text("\n".join([_HEAD, *lines]) + "\n", encoding="utf-8")
 
