@@ -30,7 +30,7 @@ TOKENS = tempfile.TemporaryDirectory(prefix="uuvsim-tokens-")
 os.environ["UUVSIM_TOKENS"] = TOKENS.name
 
 FOREIGN = Path(__file__).parent / "fmus" / "foreign"
-FIRST_ORDER = {v: FOREIGN / f"first_order_fmi{v}.xml" for v in (2, 3)}
+FIRST_ORDER = {v: FOREIGN / f"first_order_fmi{v}.xml" for v in (1, 2, 3)}
 SOURCES_LIST = (
     '<fmiBuildDescription fmiVersion="3.0"><BuildConfiguration modelIdentifier="{name}">'
     '<SourceFileSet language="C99"><SourceFile name="{file}"/></SourceFileSet>'
@@ -128,7 +128,7 @@ def c_fmu(tmp_path_factory: pytest.TempPathFactory) -> CFmu:
         for old, new in edits:
             assert old in description
             description = description.replace(old, new)
-        platform = host().fmi2 if version == 2 else host().fmi3
+        platform = host().fmi3 if version == 3 else host().fmi2
         members = {
             "modelDescription.xml": description.encode(),
             f"binaries/{platform}/first_order{host().suffix}": library.read_bytes(),

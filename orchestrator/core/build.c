@@ -4,6 +4,7 @@
 
 #include "fast_path.h"
 #include "iterate.h"
+#include "variable_step.h"
 
 slot_class class_of(int type) {
     if (type <= UUV_CORE_FLOAT32) return CLASS_FLOAT;
@@ -26,6 +27,7 @@ UUV_CORE_API uuv_core *uuv_core_new(uint32_t n_members, uint32_t n_slots, uint64
     core->n_slots = n_slots;
     core->num = num;
     core->den = den;
+    core->stride = 1;
     core->members = calloc(n_members + 1, sizeof *core->members);
     core->slots = calloc(2 * (size_t)n_slots + 1, sizeof *core->slots);
     core->fresh = core->slots + n_slots;
@@ -52,6 +54,8 @@ static void free_accesses(access *accesses, uint32_t n) {
         free(accesses[i].references);
         free(accesses[i].scratch);
         free(accesses[i].sizes);
+        free(accesses[i].negated);
+        free(accesses[i].turned);
     }
     free(accesses);
 }
@@ -74,6 +78,7 @@ UUV_CORE_API void uuv_core_free(uuv_core *core) {
         free_faults(&core->members[i]);
     }
     free_groups(core);
+    free_variable_step(core);
     for (uint64_t i = 0; i < r->capacity; i++) free(r->texts[i].data);
     free(r->texts);
     free(r->runs);
@@ -102,7 +107,7 @@ UUV_CORE_API int uuv_core_member(uuv_core *core, uint32_t i, int which, void *in
                                  void *do_step, void *get, int32_t *kept, uint64_t step_ticks,
                                  int sequential) {
     static const kind *const kinds[] = {&kind_native, &kind_fmi2, &kind_fmi3, &kind_callback,
-                                         &kind_shared};
+                                         &kind_shared, &kind_fmi1};
     member *m = &core->members[i];
     m->kind = kinds[which - UUV_CORE_NATIVE];
     m->instance = core->instances[i] = instance;
@@ -164,6 +169,22 @@ UUV_CORE_API int uuv_core_access(uuv_core *core, uint32_t i, int action, int typ
         if (references[k] != references[0] + k) a->consecutive = 0;
     memset(core->classes + slot, a->class, n_values);
     return a->class != CLASS_BLOB || make_blobs(core, slot, n_values);
+}
+
+static int negate(access *accesses, uint32_t n, uint32_t slot) {
+    for (access *a = accesses; a < accesses + n; a++) {
+        if (slot < a->slot || slot >= a->slot + a->n_values) continue;
+        if (!a->negated) a->negated = calloc(a->n_values, 1);
+        if (!a->turned) a->turned = calloc(a->n_values, sizeof *a->turned);
+        if (!a->negated || !a->turned) return 0;
+        a->negated[slot - a->slot] = 1;
+    }
+    return 1;
+}
+
+UUV_CORE_API int uuv_core_negate(uuv_core *core, uint32_t i, uint32_t slot) {
+    member *m = &core->members[i];
+    return negate(m->sets, m->n_sets, slot) && negate(m->gets, m->n_gets, slot);
 }
 
 UUV_CORE_API int uuv_core_in_place(uuv_core *core, uint32_t i, uuv_values_function *find,

@@ -8,6 +8,7 @@
 #include "iterate.h"
 #include "record.h"
 #include "fast_path.h"
+#include "variable_step.h"
 
 /* Seconds at a communication point: from integers, rounded once, never summed up. */
 static double seconds_at(const uuv_core *core, uint64_t tick) {
@@ -144,9 +145,13 @@ static member *step_due(uuv_core *core, double t) {
     for (const segment *s = core->segments; !culprit && s < end; s++) culprit = step_segment(core, s, t);
     if (!culprit && core->n_stepping) culprit = collect_steps(core);
     if (culprit) return culprit;
-    core->tick++;
+    core->tick += core->stride;
     for (const segment *s = core->segments; !culprit && s < end; s++) culprit = show(core, s);
     return culprit;
+}
+
+static void collect_all(uuv_core *core) {
+    if (core->n_stepping) collect_steps(core);
 }
 
 /* Makes communication steps; the members stand in stepping order. Outputs are read only at the
@@ -161,9 +166,9 @@ UUV_CORE_API int32_t uuv_core_run(uuv_core *core, uint64_t n_ticks, double secon
     find_segments(core);
     enter(core);
     while (core->tick < last && !record_is_full(core) && !budget_is_spent(&wall)) {
-        culprit = step_due(core, seconds_at(core, core->tick));
+        culprit = core->varied ? vary(core, step_due, collect_all) : step_due(core, seconds_at(core, core->tick));
         if (culprit) break;
-        measure_couplings(core);
+        if (!core->varied || core->varied->now.counts.steps > 1) measure_couplings(core);
         if (!record_row(core)) culprit = core->members;
         if (culprit) break;
     }
@@ -174,7 +179,7 @@ UUV_CORE_API int32_t uuv_core_run(uuv_core *core, uint64_t n_ticks, double secon
 static int32_t begin(uuv_core *core, uint64_t tick) {
     core->tick = tick;
     core->record.next = tick;
-    if (!find_fast_paths(core) || !find_couplings(core)) return stop(core, core->members);
+    if (!find_fast_paths(core) || !find_couplings(core) || !begin_variable_step(core)) return stop(core, core->members);
     clear_couplings(core);
     for (member *m = core->members; m < core->members + core->n_members; m++) {
         m->due = tick;

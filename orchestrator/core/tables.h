@@ -19,6 +19,8 @@ typedef struct {
     void *function;
     void *scratch; /* n_values of the component's own type, where that is not the slot's */
     size_t *sizes; /* of binaries */
+    uint8_t *negated; /* FMI 1.0: of each value, whether it is a negated alias; NULL: none is */
+    uuv_slot *turned; /* what is set where some are */
 } access;
 
 /* `count` slots from a member's outputs to another's inputs. */
@@ -66,7 +68,7 @@ typedef struct {
     int (*collect)(member *m, uuv_failure *why);
 } kind;
 
-extern const kind kind_native, kind_fmi2, kind_fmi3, kind_callback, kind_shared;
+extern const kind kind_native, kind_fmi1, kind_fmi2, kind_fmi3, kind_callback, kind_shared;
 
 /* A floating-point number, or two that follow each other, that goes from one slot to another, and
  * from there to a component's block. */
@@ -132,6 +134,7 @@ struct member { /* what every step reads comes first */
     void *get;
     uuv_slot *fresh; /* where its outputs are read to: the visible slots, or those of `early` */
     int sequential;
+    int follows;  /* its step has the variable length of the system's */
     int stepping; /* its step has been posted, and not been collected */
     struct iteration *group; /* the iterated group that it belongs to, or NULL */
     access *sets, *gets;
@@ -173,6 +176,8 @@ struct uuv_core {
     member *members;
     uint32_t n_members, n_slots;
     uint64_t num, den, tick;
+    uint64_t stride; /* ticks of the step that is being made: 1, or the variable length */
+    struct variable_step *varied; /* NULL: every step is one tick */
     uuv_slot *slots, *fresh; /* one array: fresh begins where slots end */
     uint8_t *classes;
     double *turns; /* of a slot that holds an angle: a full turn in its unit; else 0 */

@@ -31,7 +31,8 @@ typedef union {
 } uuv_slot;
 
 enum uuv_core_kind { UUV_CORE_NATIVE = 1, UUV_CORE_FMI2, UUV_CORE_FMI3, UUV_CORE_CALLBACK,
-                     UUV_CORE_SHARED /* its instance is a `uuv_exchange` (exchange.h) */ };
+                     UUV_CORE_SHARED /* its instance is a `uuv_exchange` (exchange.h) */,
+                     UUV_CORE_FMI1 };
 
 enum uuv_core_type {
     UUV_CORE_FLOAT64 = 0, UUV_CORE_FLOAT32,
@@ -50,8 +51,9 @@ enum uuv_core_outcome {
     UUV_CORE_ENDED,            /* the component asks to end the simulation; status 1: at the step's end */
     UUV_CORE_EARLY_RETURN,     /* the component ended its step before the step's end */
     UUV_CORE_NO_MEMORY,
-    UUV_CORE_NOT_CONVERGED     /* an iterated group: `status` iterations leave `residual` at the
+    UUV_CORE_NOT_CONVERGED,    /* an iterated group: `status` iterations leave `residual` at the
                                   input in `slot`; 0: it is no number, and changes each time */
+    UUV_CORE_NOT_RESTORED      /* after its state was restored, the output in `slot` has another value */
 };
 
 enum uuv_core_action { UUV_CORE_SET = 1, UUV_CORE_DO_STEP, UUV_CORE_GET, UUV_CORE_GET_STATE,
@@ -98,6 +100,9 @@ UUV_CORE_API void uuv_core_guard(uuv_core *core, void (*enter)(struct uuv_frame 
 UUV_CORE_API int uuv_core_access(uuv_core *core, uint32_t member, int action, int type,
                                  uint32_t slot, uint32_t n_values, uint32_t n_references,
                                  const uint32_t *references, void *function);
+/* Slot `slot` of an FMU of FMI 1.0 is a negated alias: the FMU has its value with the opposite sign.
+ * After the accesses of the member. */
+UUV_CORE_API int uuv_core_negate(uuv_core *core, uint32_t member, uint32_t slot);
 /* The component was compiled by this package, so that its values are read and written in its block
  * (uuv_component.h): `find` finds it (NULL: of a native member), `steps` makes a step of several equal
  * members, `offsets` are those of the inputs and
@@ -166,6 +171,36 @@ UUV_CORE_API void uuv_core_angle(uuv_core *core, uint32_t slot, double turn);
 UUV_CORE_API void uuv_core_measure_nothing(uuv_core *core);
 UUV_CORE_API uint32_t uuv_core_couplings(const uuv_core *core);
 UUV_CORE_API void uuv_core_coupling(const uuv_core *core, uint32_t i, uuv_coupling *coupling);
+
+/* A variable communication step, after the members: those with a step of one tick follow it. Lengths
+ * are in ticks. The next step is the last one times
+ * safety * e^-(integral + proportional) * e'^proportional, within [slowest, fastest] and the lengths,
+ * where e is the estimate and e' that of the step before (see variable_step.h). With `rollback`, a
+ * step with e > 1 is repeated with a shorter one. */
+typedef struct {
+    uint64_t smallest, largest, first;
+    double absolute, relative, safety, slowest, fastest, proportional, integral;
+    uint32_t order, rollback;
+} uuv_step_control;
+/* `unsatisfied` steps had an estimate above 1 and could not be shorter; `least` does not count steps
+ * that were cut short by what is due. */
+typedef struct {
+    uint64_t steps, rejected, unsatisfied, least, most;
+    double worst;
+    uint64_t worst_tick;
+} uuv_step_counts;
+UUV_CORE_API int uuv_core_vary(uuv_core *core, const uuv_step_control *control);
+/* An output that shows, over a step, the mean of its extrapolation; before the connections that are
+ * judged. */
+UUV_CORE_API int uuv_core_extrapolate(uuv_core *core, uint32_t slot);
+UUV_CORE_API int uuv_core_judge(uuv_core *core, uint32_t target, uint32_t source, double factor,
+                                double offset, double absolute, double relative);
+/* Two pairs of an input and an output whose products are the power at the bond's two sides. */
+UUV_CORE_API int uuv_core_bond(uuv_core *core, uint32_t input_a, uint32_t output_a, uint32_t input_b,
+                               uint32_t output_b);
+/* No step goes beyond this communication point, until it is reached or set anew. */
+UUV_CORE_API void uuv_core_horizon(uuv_core *core, uint64_t tick);
+UUV_CORE_API void uuv_core_step_counts(const uuv_core *core, uuv_step_counts *counts);
 
 /* Running. `uuv_core_begin` reads every output at communication point `tick`, and writes the
  * first row; `run` makes at most

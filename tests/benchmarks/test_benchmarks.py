@@ -21,17 +21,19 @@ SHORT: dict[str, str] = {
     "bridge/client_fmu": "--count 20",
     "compare_controllers": "--until 6 --controllers pid --cases calm",
     "contact": "",
-    "dataflash_index": "",
+    "identification/dataflash_index": "",
     "environment_speed": "--repeats 1",
     "growth": "--components 10 20 --vehicles 2 3 --lengths 2 --starts 1 --figure g.svg",
-    "identification_speed": "--seconds 6 --before-seconds 4",
+    "identification/coverage": "--seeds 6 --no-contrast",
+    "identification/speed": "--seconds 6 --before-seconds 4",
+    "imaging_sonar": "--images 1 --repeats 1",
     "installation": "--until 0.1 --components thruster,battery --platforms linux64",
     "isolation_cost": "--steps 200 --repeats 1",
     "kernel_derivatives": "--environments 8 --steps 5 --repeats 1",
     "kernel_speed": "--envs 16 --steps 5 --repeats 1 --lanes 8 --dtypes float64",
     "learners_beside_sb3": "--seeds 1 --steps 2048",
     "learning_speed": "--repeats 1 --hidden 16",
-    "log_directions": "",
+    "identification/log_directions": "",
     "master_cost": "--systems --steps 100 --repeats 1",
     "mujoco_rollout": "--envs 8 --steps 5 --repeats 1",
     "bridge/octave_round_trip": "--count 20",
@@ -44,6 +46,7 @@ SHORT: dict[str, str] = {
     "bridge/round_trips": "--count 20",
     "snapshot_cost": "--repeats 5",
     "terrain": "CHART --resolution 50",
+    "variable_step": "--until 0.01 --repeats 1",
     "web_page": "bluerov2_hold --seconds 0.02 --repeats 1",
 }
 # Not in the extra `dev`: without it, the benchmark says what is missing, with status 2.
@@ -51,7 +54,9 @@ MISSING = {"mujoco_rollout": ("mujoco", "MuJoCo is missing")}
 
 
 def test_every_benchmark_has_a_short_form() -> None:
-    files = [*FOLDER.glob("*.py"), *FOLDER.glob("bridge/*.py")]
+    files = [
+        p for folder in ("", "bridge/", "identification/") for p in FOLDER.glob(f"{folder}*.py")
+    ]
     assert {p.relative_to(FOLDER).with_suffix("").as_posix() for p in files} == set(SHORT)
 
 

@@ -34,6 +34,7 @@ DEFERRED = {
     "fmus.sandbox.host": {"wasmtime": "extra"},
     "fmus.sandbox.library": {"wasmtime": "extra"},
     "kernels.derivatives.autograd": {"torch": "extra"},
+    "models.acoustics.target_strength": {"scipy": "start-up"},
     "models.analysis.linearize": {"control": "start-up"},
     "models.analysis.trim": {"scipy": "start-up"},
     "models.checks.comparison": {"ruamel": "start-up"},

@@ -20,10 +20,12 @@ __all__ = ["doctor_command", "facts", "packages"]
 EXTRAS = {
     "rl": "`uuvsim train`, `train-offline`, export to ONNX, Minari's data sets",
     "scene": "`uuvsim terrain` of charts and grids, LAZ clouds, meshes, gridded currents",
+    "sonar": "`uuvsim export` of sonar images as WebP and XTF",
     "view": "`uuvsim view`, `--view`",
     "rerun": "`uuvsim export -o FILE.rrd`",
     "hydro": "added mass of a surface in `uuvsim models import`",
-    "mavlink": "ArduSub or PX4 as a component, `--mavlink`, and its logs in `uuvsim identify`",
+    "mavlink": "ArduSub or PX4 as a component, `--mavlink`",
+    "logs": "recordings in `uuvsim identify`: .tlog, .ulg, and bags of ROS",
     "ros": "`--ros2` of `uuvsim serve` and `uuvsim export`",
     "foxglove": "`--foxglove` of `uuvsim serve`",
     "sandbox": "`--isolate wasm`",

@@ -24,6 +24,7 @@ class BindingKind(IntEnum):
     FMI3 = 3
     CALLBACK = 4
     SHARED = 5
+    FMI1 = 6
 
 
 @dataclass(frozen=True)

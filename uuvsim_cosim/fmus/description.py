@@ -35,10 +35,10 @@ VariableType = Literal[
 
 @dataclass(frozen=True)
 class Variable:
-    """One variable; an FMI 2 group ``x[1] … x[n]`` is one variable of shape (n,).
+    """One variable; an FMI 1 or 2 group ``x[1] … x[n]`` is one variable of shape (n,).
 
     `value_references` holds one reference in FMI 3 (also for an array), and one for each
-    element in FMI 2. `unit` is None if the description names none. `dependencies` (outputs
+    element in FMI 1 and 2. `unit` is None if the description names none. `dependencies` (outputs
     only) are names of the inputs that the value depends on directly; None if undeclared.
     """
 
@@ -58,6 +58,7 @@ class Variable:
     element_units: tuple[str | None, ...] = ()  # where the elements' units differ; unit is None
     items: tuple[tuple[str, int], ...] = ()  # of an enumeration: names and numbers
     soft_min: bool = False  # of a declared input, see `Model.input`; XML does not hold it
+    negated: bool = False  # FMI 1.0: the value with its opposite sign is at the reference
 
     @property
     def size(self) -> int:
@@ -96,7 +97,7 @@ class Description:
     """A component's interface: variables by name, capabilities, and where it came from."""
 
     name: str
-    kind: Literal["FMI 2.0", "FMI 3.0", "native", "python"]
+    kind: Literal["FMI 1.0", "FMI 2.0", "FMI 3.0", "native", "python"]
     variables: Mapping[str, Variable]
     token: str = ""
     description: str = ""
@@ -106,6 +107,7 @@ class Description:
     can_get_and_set_state: bool = False
     can_serialize_state: bool = False
     can_be_instantiated_only_once: bool = False
+    can_handle_variable_step: bool = True  # FMI's canHandleVariableCommunicationStepSize
     provides_directional_derivatives: bool = False
     needs_execution_tool: bool = False
     made_for: Mapping[str, str] = field(default_factory=dict)  # see fmus/pairs.py

@@ -1,10 +1,10 @@
-"""Reader of the values and units that model descriptions of FMI 2.0 and 3.0 have in common."""
+"""Reader of the values and units that model descriptions of FMI 1.0, 2.0 and 3.0 have in common."""
 
 from __future__ import annotations
 
 import re
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, get_args
 from xml.etree.ElementTree import Element
 
@@ -37,9 +37,13 @@ class SimpleType:
 
 @dataclass(frozen=True)
 class Source:
-    """The file that is read; every error names it and the variable."""
+    """The file that is read; every error names it and the variable.
+
+    `remarks` are the properties that differ from FMI and do not prevent a run.
+    """
 
     place: str
+    remarks: list[str] = field(default_factory=list)
 
     def fault(self, where: str, read: str, expected: str) -> FmuError:
         """Return the error for a fault in the file."""
@@ -118,7 +122,7 @@ class Source:
         where: str,
         **more: Any,
     ) -> Variable:
-        """Read what FMI 2.0 and 3.0 have in common; `more` are the other fields of `Variable`.
+        """Read what all versions of FMI have in common; `more` are the other fields of `Variable`.
 
         `attributes` include those of the declared type.
         """

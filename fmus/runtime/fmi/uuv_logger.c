@@ -1,8 +1,10 @@
-/* Messages of a foreign FMU: formatted here, because FMI 2.0's logger is variadic, and kept in
- * a ring from which Python takes them.
+/* Messages of a foreign FMU: formatted here, because the loggers of FMI 1.0 and 2.0 are variadic,
+ * and kept in a ring from which Python takes them.
  *
- * A log is the instance environment of one FMU instance. FMUs may call from any thread, and some
- * hand back an environment that is not theirs: such a message goes to the log that is newest.
+ * A log is the instance environment of one FMU instance. FMI 1.0 has no environment: its logger gets
+ * the instance, which is not known before it is made, and the instance's name. FMUs may call from any
+ * thread, and some hand back an environment that is not theirs: such a message goes to the log that
+ * is newest.
  */
 #include <stdarg.h>
 #include <stdatomic.h>
@@ -30,6 +32,8 @@ typedef struct uuv_log {
     uint32_t first;
     uint64_t lost; /* overwritten before they were taken */
     struct uuv_log *next;
+    const void *component; /* FMI 1.0, as `name` */
+    char *name;
     message ring[CAPACITY];
 } uuv_log;
 
@@ -51,13 +55,20 @@ static char *copy(const char *text) {
     return result;
 }
 
+/* `key` is an environment or an instance of FMI 1.0. */
+static uuv_log *find(const void *key, const char *name) {
+    for (uuv_log *log = logs; log != NULL; log = log->next)
+        if (log == key || (key != NULL && log->component == key)) return log;
+    for (uuv_log *log = logs; log != NULL && name != NULL; log = log->next)
+        if (log->name != NULL && strcmp(log->name, name) == 0) return log;
+    return logs;
+}
+
 /* Takes ownership of `text`. */
-static void append(void *environment, int32_t status, const char *category, char *text) {
+static void append(const void *key, const char *name, int32_t status, const char *category, char *text) {
     char *owned_category = copy(category);
     lock();
-    uuv_log *log = logs;
-    while (log != NULL && log != environment) log = log->next;
-    if (log == NULL) log = logs;
+    uuv_log *log = find(key, name);
     if (log == NULL || owned_category == NULL || text == NULL) {
         unlock();
         free(owned_category);
@@ -103,7 +114,18 @@ EXPORT void uuv_log_free(uuv_log *log) {
         free(m->category);
         free(m->text);
     }
+    free(log->name);
     free(log);
+}
+
+EXPORT void uuv_log_name(uuv_log *log, const char *name, const void *component) {
+    char *owned = copy(name);
+    lock();
+    char *old = log->name;
+    log->name = owned;
+    log->component = component;
+    unlock();
+    free(old);
 }
 
 /* Takes the oldest message; the caller frees both texts with uuv_release. 0: there is none. */
@@ -130,30 +152,44 @@ EXPORT uint64_t uuv_log_lost(uuv_log *log) {
     return lost;
 }
 
+static char *formatted(const char *format, va_list arguments) {
+    char *text = format != NULL ? malloc(LONGEST) : NULL;
+    if (text == NULL) return NULL;
+    int written = vsnprintf(text, LONGEST, format, arguments);
+    if (written < 0) snprintf(text, LONGEST, "%s", format);
+    char *fitted = copy(text);
+    free(text);
+    return fitted;
+}
+
+/* fmiCallbackLogger of FMI 1.0 */
+EXPORT void uuv_log_fmi1(void *component, const char *instance, int32_t status,
+                         const char *category, const char *format, ...) {
+    va_list arguments;
+    va_start(arguments, format);
+    char *text = formatted(format, arguments);
+    va_end(arguments);
+    append(component, instance, status, category, text);
+}
+
 /* fmi2CallbackLogger */
 EXPORT void uuv_log_fmi2(void *environment, const char *instance, int32_t status,
                          const char *category, const char *format, ...) {
     (void)instance;
-    if (format == NULL) return;
-    char *text = malloc(LONGEST);
-    if (text == NULL) return;
     va_list arguments;
     va_start(arguments, format);
-    int written = vsnprintf(text, LONGEST, format, arguments);
+    char *text = formatted(format, arguments);
     va_end(arguments);
-    if (written < 0) snprintf(text, LONGEST, "%s", format);
-    char *fitted = copy(text);
-    free(text);
-    append(environment, status, category, fitted);
+    append(environment, NULL, status, category, text);
 }
 
 /* fmi3LogMessageCallback */
 EXPORT void uuv_log_fmi3(void *environment, int32_t status, const char *category,
                          const char *text) {
-    append(environment, status, category, copy(text));
+    append(environment, NULL, status, category, copy(text));
 }
 
-/* fmi2CallbackAllocateMemory and fmi2CallbackFreeMemory */
+/* fmi2CallbackAllocateMemory and fmi2CallbackFreeMemory, and those of FMI 1.0 */
 EXPORT void *uuv_allocate(size_t count, size_t size) { return calloc(count, size); }
 
 EXPORT void uuv_release(void *memory) { free(memory); }

@@ -4,7 +4,7 @@
 
 #include "tables.h"
 
-/* Width of FMI's Boolean: int in FMI 2.0, bool in FMI 3.0. */
+/* Width of FMI's Boolean: int in FMI 2.0, char in FMI 1.0, and bool in FMI 3.0. */
 typedef enum { BOOLEAN_INT, BOOLEAN_BOOL } boolean_width;
 
 /* Gives the array to hand to a setter (texts: of pointers, sizes in a->sizes), or NULL with the

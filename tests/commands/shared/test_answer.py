@@ -152,6 +152,7 @@ QUICK = {
     "lint": "lint study.yaml",
     "envs": "envs",
     "fmu inspect": "fmu inspect FMU",
+    "fmu compare": "fmu compare FMU FMU",
     "new": "new tank --for TANK",
     "study": "study study.yaml",
     "access password": "access password",

@@ -226,6 +226,10 @@ fmi3Status fmi3GetFMUState(fmi3Instance s, fmi3FMUState *state) {
     return fmi3OK;
 }
 fmi3Status fmi3SetFMUState(fmi3Instance s, fmi3FMUState state) {
+#ifdef FORGETS_ITS_STATE
+    UNUSED(s), UNUSED(state);
+    return fmi3OK;
+#endif
     memcpy(&((instance *)s)->v, state, sizeof(values));
     return fmi3OK;
 }

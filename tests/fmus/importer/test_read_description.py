@@ -121,7 +121,7 @@ CO_SIMULATION = "<CoSimulation modelIdentifier"
 @pytest.mark.parametrize(
     ("version", "old", "new", "message"),
     [
-        (2, 'fmiVersion="2.0"', 'fmiVersion="1.0"', "fmiVersion: '1.0'; expected .* 2.0 or 3.0"),
+        (2, 'fmiVersion="2.0"', 'fmiVersion="1.1"', "fmiVersion: '1.1'; expected .* 2.0 or 3.0"),
         (3, 'fmiVersion="3.0"', 'fmiVersion="3.0-beta.2"', "fmiVersion"),
         (2, CO_SIMULATION, "<Nothing modelIdentifier", "is for nothing that FMI knows only"),
         (3, CO_SIMULATION, "<ScheduledExecution modelIdentifier", "ScheduledExecution only"),

@@ -18,6 +18,7 @@ from uuvsim_cosim.orchestrator.running.run import run
 from uuvsim_cosim.orchestrator.system.system import System
 
 EXIT, ABORT, SEGFAULT = 10, 3, 9
+FUNCTION = {1: "fmiDoStep", 2: "fmi2DoStep", 3: "fmi3DoStep"}
 MORE = [('max="6"', 'max="10"')]
 CFmu = Callable[..., Path]
 
@@ -79,14 +80,14 @@ def test_exit_0_in_a_system_is_a_failure_that_keeps_the_recording(
 
 
 @pytest.mark.parametrize(("fault", "number"), [(ABORT, signal.SIGABRT), (SEGFAULT, signal.SIGSEGV)])
-@pytest.mark.parametrize("version", [2, 3])
+@pytest.mark.parametrize("version", [1, 2, 3])
 def test_a_crash_names_component_and_function_and_dies_as_before(
     c_fmu: CFmu, tmp_path: Path, version: int, fault: int, number: signal.Signals
 ) -> None:
     file = system_of(fmu_of(c_fmu, version), fault, tmp_path)
     done = uuvsim("run", str(file), "--until", "1", "-o", str(tmp_path / "r"))
     assert done.returncode == -number
-    assert f"component 'bad' crashed in fmi{version}DoStep ({number.name})" in done.stderr
+    assert f"component 'bad' crashed in {FUNCTION[version]} ({number.name})" in done.stderr
 
 
 def test_exit_0_in_an_isolated_component_is_told_by_its_name(c_fmu: CFmu, tmp_path: Path) -> None:

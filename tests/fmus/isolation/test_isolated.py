@@ -35,7 +35,7 @@ def run(component: Component, **values: Any) -> Any:
     return component.get(variables["y"])
 
 
-@pytest.mark.parametrize("version", [2, 3])
+@pytest.mark.parametrize("version", [1, 2, 3])
 def test_an_isolated_component_gives_the_same_bits(version: int, c_fmu: CFmu) -> None:
     results = []
     for isolate in (False, True):

@@ -14,6 +14,7 @@ from uuvsim_cosim.models.declaration.library import IN_PROCESS, LIBRARY
 
 FOLDERS = ("vehicles", "sensors", "controllers", "thrusters", "scenes")
 FILES = sorted(f for d in FOLDERS for f in content("models", d).glob("*/*.yaml"))
+FILES.append(content("models", "materials.yaml"))
 DECLARED = {**LIBRARY, **IN_PROCESS}
 # A name or "et al." and a year, as citations in docstrings are written.
 CITATION = re.compile(r"[A-Z][\w'-]+(?:,? (?:and [A-Z][\w-]+|et al\.))* \(?(?:18|19|20)\d\d\b")
@@ -54,7 +55,10 @@ def test_every_entry_is_cited() -> None:
     texts = [(f.read_text("utf-8"), f.relative_to(content()).as_posix()) for f in FILES]
     for target in DECLARED.values():
         texts += [(c.text, c.place) for c in equations_of(*target.split(":"))]
-    texts += [(c.text, c.place) for c in equations_of("uuvsim_cosim.models.declaration.philox", "")]
+    modules = ["declaration.philox"]
+    modules += [f"acoustics.{m}" for m in ("absorption", "backscatter", "target_strength")]
+    for module in modules:
+        texts += [(c.text, c.place) for c in equations_of(f"uuvsim_cosim.models.{module}", "")]
     cited = {entry.key for text, place in texts for entry in known.cited_in(text, place)}
     assert set(known.entries) == cited
 

@@ -1,12 +1,14 @@
 """Beside FMPy: a chain of three first-order FMUs has the same bits, step by step."""
 
 import shutil
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import fmpy
 import pytest
-from fmpy import fmi2
+from fmpy import fmi1, fmi2
+from fmpy.fmi1 import FMU1Slave
 from fmpy.fmi2 import FMU2Slave
 from fmpy.fmi3 import FMU3Slave
 
@@ -31,12 +33,13 @@ def lag() -> Model:
 PATHS = "abc"
 
 
-def callbacks() -> Any:
+def callbacks(version: int) -> Any:
     """FMPy's own go through one logger for all instances, which another test may have freed."""
-    own = fmi2.fmi2CallbackFunctions()
-    own.logger = fmi2.fmi2CallbackLoggerTYPE(lambda *words: None)
-    own.allocateMemory = fmi2.fmi2CallbackAllocateMemoryTYPE(fmpy.calloc)
-    own.freeMemory = fmi2.fmi2CallbackFreeMemoryTYPE(fmpy.free)
+    name, types = f"fmi{version}Callback", {1: fmi1, 2: fmi2}[version]
+    own = getattr(types, f"{name}Functions")()
+    own.logger = getattr(types, f"{name}LoggerTYPE")(lambda *words: None)
+    own.allocateMemory = getattr(types, f"{name}AllocateMemoryTYPE")(fmpy.calloc)
+    own.freeMemory = getattr(types, f"{name}FreeMemoryTYPE")(fmpy.free)
     return own
 
 
@@ -45,23 +48,29 @@ def by_fmpy(fmu: Path, version: int) -> list[list[float]]:
     described = fmpy.read_model_description(str(fmu))
     u, y = ([v.valueReference for v in described.modelVariables if v.name == n] for n in "uy")
     folder = fmpy.extract(str(fmu))
-    kind: Any = FMU2Slave if version == 2 else FMU3Slave
+    kind: Any = {1: FMU1Slave, 2: FMU2Slave, 3: FMU3Slave}[version]
     fmus = []
     for path in PATHS:
         f = kind(guid=described.guid, unzipDirectory=folder, instanceName=path,
                  modelIdentifier=described.coSimulation.modelIdentifier)  # fmt: skip
-        if version == 2:
-            f.instantiate(callbacks=callbacks())
+        if version == 1:
+            f.instantiate(functions=callbacks(1))
+        elif version == 2:
+            f.instantiate(callbacks=callbacks(2))
             f.setupExperiment(startTime=0.0)
         else:
             f.instantiate()
         fmus.append(f)
-    get, put = ("getReal", "setReal") if version == 2 else ("getFloat64", "setFloat64")
+    get, put = ("getFloat64", "setFloat64") if version == 3 else ("getReal", "setReal")
     getattr(fmus[0], put)(u, [1.0])
-    for f in fmus:
-        f.enterInitializationMode()
-    for f in fmus:
-        f.exitInitializationMode()
+    if version == 1:
+        for f in fmus:
+            f.initialize()
+    else:
+        for f in fmus:
+            f.enterInitializationMode()
+        for f in fmus:
+            f.exitInitializationMode()
     seen = []
     for k in range(STEPS):
         values = [getattr(f, get)(y) for f in fmus]
@@ -77,12 +86,12 @@ def by_fmpy(fmu: Path, version: int) -> list[list[float]]:
     return seen
 
 
-@pytest.mark.parametrize("version", [2, 3])
+@pytest.mark.parametrize("version", [1, 2, 3])
 def test_a_chain_of_three_fmus_has_the_bits_of_fmpy(
-    version: int, first_order_fmi2: Path, wired: Any
+    version: int, c_fmu: Callable[..., Path], wired: Any
 ) -> None:
     # FMPy binds every function of FMI 3.0, which the hand-written FMU of that version has not.
-    fmu = first_order_fmi2 if version == 2 else build_fmu(lag(), fmi=3)
+    fmu = build_fmu(lag(), fmi=3) if version == 3 else c_fmu(version)
     makers = {p: lambda path: instantiate_fmu(fmu, path) for p in PATHS}
     seen = []
     with Master(*wired(makers, ["a.y -> b.u", "b.y -> c.u"], start={"a": {"u": 1.0}})) as master:

@@ -17,7 +17,8 @@ from uuvsim_cosim.fmus.instantiation.instantiate import instantiate_fmu
 from uuvsim_cosim.orchestrator.master.master import Master
 from uuvsim_cosim.orchestrator.system.resolve import resolve
 
-NO_STATE = {
+NO_STATE: dict[int, list[tuple[str, str]]] = {
+    1: [],
     2: [('canGetAndSetFMUstate="true"', 'canGetAndSetFMUstate="false"')],
     3: [('canGetAndSetFMUState="true"', 'canGetAndSetFMUState="false"')],
 }
@@ -25,7 +26,7 @@ ONCE = ('OnlyOncePerProcess="false"', 'OnlyOncePerProcess="true"')
 FOREIGN = Path(__file__).parents[2] / "fmus" / "foreign"
 
 
-@pytest.fixture(params=[2, 3])
+@pytest.fixture(params=[1, 2, 3])
 def stateless(request: pytest.FixtureRequest, c_fmu: Callable[..., Path]) -> Path:
     return c_fmu(request.param, edits=NO_STATE[request.param])
 
@@ -119,10 +120,11 @@ def test_instances_made_ahead_are_used_by_resets_and_freed(
         spare.set(spare.description.variables["u"], 1.0)
 
 
+@pytest.mark.parametrize("version", [1, 3])
 def test_an_fmu_that_lives_once_is_freed_before_it_is_made_anew(
-    c_fmu: Callable[..., Path], wired: Any, fmi3: Any
+    version: int, c_fmu: Callable[..., Path], wired: Any, fmi3: Any
 ) -> None:
-    fmu = c_fmu(3, edits=[*NO_STATE[3], ONCE])
+    fmu = c_fmu(version, edits=[*NO_STATE[version], ONCE])
     with Master(*system(wired, fmu, fmi3)) as master:
         master.initialize()
         master.make_ahead(3)

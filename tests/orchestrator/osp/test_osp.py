@@ -6,6 +6,7 @@ import shutil
 import subprocess
 import sys
 from collections.abc import Callable
+from fractions import Fraction
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +23,7 @@ from uuvsim_cosim.orchestrator.ssp.ssp import pack
 from uuvsim_cosim.orchestrator.system.elements import Connection, StepGroup
 from uuvsim_cosim.orchestrator.system.resolve import resolve
 from uuvsim_cosim.orchestrator.system.system import System
+from uuvsim_cosim.orchestrator.system.variable_step import PowerBond, VariableStep
 
 Write = Callable[..., Path]
 
@@ -195,9 +197,60 @@ def test_what_is_not_done_is_said(osp: Write) -> None:
     system = uv.load(osp(bond, head=head))
     said = "\n".join(system.notes)
     assert "no BaseStepSize: 0.1 s is used" in said
-    assert "Algorithm ecco varies the step" in said
-    assert "power bonds lose (p)" in said
+    assert "Algorithm ecco has no EccoConfiguration" in said
+    assert "every step is 0.1 s" in said
     assert (system.start_time, system.stop_time) == (1.0, 2.0)
+
+
+ECCO = {
+    "SafetyFactor": "0.9", "StepSize": "0.001", "MinimumStepSize": "0.0001",
+    "MaximumStepSize": "0.05", "MinimumChangeRate": "0.2", "MaximumChangeRate": "1.5",
+    "ProportionalGain": "0.2", "IntegralGain": "0.15", "RelativeTolerance": "1e-4",
+    "AbsoluteTolerance": "1e-4",
+}  # fmt: skip
+BOND = joined("a.y", "b.u", powerBond="p") + joined("a.u", "b.y", powerBond="p")
+
+
+def ecco(**changes: str) -> str:
+    rows = "".join(f"<{k}>{v}</{k}>" for k, v in {**ECCO, **changes}.items() if v)
+    return f"<EccoConfiguration>{rows}</EccoConfiguration>"
+
+
+def test_ecco_is_a_variable_step_by_power_bonds(osp: Write) -> None:
+    head = "<BaseStepSize>0.01</BaseStepSize><Algorithm>ecco</Algorithm>"
+    edit = ('name="b" source="first.fmu"', 'name="b" source="first.fmu" stepSize="0.02"')
+    system = uv.load(osp(BOND, head=head, tail=ecco(), edit=edit))
+    assert any("the stepSize of b is not used" in note for note in system.notes)
+    assert system.base_step == Fraction(1, 10**9)
+    assert system.variable_step == VariableStep(
+        Fraction(1, 10**4), Fraction(1, 20), Fraction(1, 1000), 1e-4, 1e-4, 0, rollback=False,
+        estimate="bonds", safety=0.9, slowest=0.2, fastest=1.5, proportional=0.2, integral=0.15,
+        bonds=(PowerBond("p", ("a.u", "a.y"), ("b.u", "b.y")),),
+    )  # fmt: skip
+    assert set(trajectory(system, 3)) == set(NAMES)
+
+
+@pytest.mark.parametrize(
+    ("changes", "expected"),
+    [
+        ({"SafetyFactor": ""}, "no SafetyFactor"),
+        ({"MinimumStepSize": "0.1"}, "0 < smallest <= largest"),
+        ({"MaximumChangeRate": "fast"}, "fast"),
+        ({"Safety": "1"}, "'Safety'"),
+    ],
+)
+def test_a_wrong_ecco_configuration_is_refused(
+    osp: Write, changes: dict[str, str], expected: str
+) -> None:
+    with pytest.raises(SystemInvalid) as wrong:
+        uv.load(osp(BOND, head="<Algorithm>ecco</Algorithm>", tail=ecco(**changes)))
+    assert expected in str(wrong.value)
+
+
+def test_a_bond_of_connections_in_one_direction_is_refused(osp: Write) -> None:
+    one_way = joined("a.y", "b.u", powerBond="p") + joined("a.y", "c.u", powerBond="p")
+    with pytest.raises(SystemInvalid, match="one connection from each of two simulators"):
+        uv.load(osp(one_way, head="<Algorithm>ecco</Algorithm>", tail=ecco()))
 
 
 def test_a_proxy_is_read_as_its_file(osp: Write) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from math import pi
 from pathlib import Path
 from typing import Any
@@ -11,6 +12,7 @@ import pytest
 
 from tests.studies.identification.ardusub_logs import HEAVY, PWM, ROV, dataflash, parameters, tlog
 from uuvsim_cosim.errors import InputInvalid
+from uuvsim_cosim.studies.identification.channels import read_channels
 from uuvsim_cosim.studies.identification.exclusions import Excluded
 from uuvsim_cosim.studies.identification.identify import identify
 from uuvsim_cosim.studies.identification.logs import read_log
@@ -178,6 +180,24 @@ def test_two_logs_in_one_file_are_refused(tmp_path: Path) -> None:
     path.write_bytes(path.read_bytes() * 2)
     with pytest.raises(InputInvalid, match=r"jumps back"):
         read_log(path)
+
+
+def test_channels_name_a_message_and_its_columns(tmp_path: Path) -> None:
+    path = dataflash(tmp_path / "1.BIN")
+    chosen = read_channels(["depth=XKF1:PD?factor=2", "attitude=ATT:Roll,Pitch,Yaw?unit=deg"])
+    signals = read_log(path, None, chosen)
+    assert mean(signals["eta"])[2:] == pytest.approx([10.0, pi / 36, 0.0, pi / 2], abs=1e-6)
+    with pytest.raises(InputInvalid, match=r"no message or column 'XKF1:PX'; expected MESSAGE:COL"):
+        read_log(path, None, read_channels(["depth=XKF1:PX"]))
+    with pytest.raises(InputInvalid, match=r"a .tlog has no channels"):
+        read_log(tlog(tmp_path / "1.tlog"), None, chosen)
+
+
+def test_logs_that_end_within_a_message_report_it(tmp_path: Path) -> None:
+    for path in (dataflash(tmp_path / "1.BIN"), tlog(tmp_path / "1.tlog")):
+        path.write_bytes(path.read_bytes()[:-5])
+        remarks = " ".join(read_log(path).metadata["remarks"])
+        assert re.search(r"the log ends within a (message|packet): its last \d+ bytes", remarks)
 
 
 def test_the_system_of_another_vehicle_is_refused(tmp_path: Path) -> None:

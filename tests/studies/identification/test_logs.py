@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from uuvsim_cosim.errors import InputInvalid
+from uuvsim_cosim.studies.identification.channels import read_channels
 from uuvsim_cosim.studies.identification.logs import read_log, read_parameter_file
 
 
@@ -59,3 +60,76 @@ def test_parameters_are_read_from_the_files_of_three_programs(tmp_path: Path) ->
     (tmp_path / "d.parm").write_text("FRAME_CONFIG 1\nMOT_1_DIRECTION turned\n")
     with pytest.raises(InputInvalid, match=r"d.parm:2.*expected a name and a number"):
         read_parameter_file(tmp_path / "d.parm")
+
+
+COLUMNS = "time,depth,attitude[1],attitude[2],attitude[3],armed,u[1],u[2]\n"
+
+
+def rows(count: int, row: str, step: float = 0.1) -> str:
+    return "".join(f"{k * step:.3f},{row}\n" for k in range(count))
+
+
+def test_a_csv_with_quantities_of_a_vehicle_is_read_as_a_log(tmp_path: Path) -> None:
+    path = tmp_path / "a.csv"
+    path.write_text(COLUMNS + rows(60, "5,0.1,0,1.5,1,0.5,-0.5"))
+    signals = read_log(path)
+    assert signals["eta"][0, 2:].tolist() == [5, 0.1, 0, 1.5]
+    assert signals["u"][0].tolist() == [0.5, -0.5]
+    for row, reason in (("0.1,0,0,0,1,0,0", "at the surface"), ("5,0,0,0,0,0,0", "disarmed")):
+        path.write_text(COLUMNS + rows(60, row))
+        with pytest.raises(InputInvalid, match=f"no part to fit: 0.0 to 5.9 s: {reason}"):
+            read_log(path)
+
+
+def test_columns_of_a_csv_are_assigned_with_units(tmp_path: Path) -> None:
+    path = tmp_path / "a.csv"
+    path.write_text("t,roll,pitch,yaw,alt,pwm1,pwm2\n" + rows(60, "0,10,90,-5,1900,1300"))
+    channels = read_channels([
+        "attitude=roll,pitch,yaw?unit=deg", "depth=alt?factor=-1",
+        "u=pwm1,pwm2?factor=0.0025&offset=-3.75",
+    ])  # fmt: skip
+    signals = read_log(path, None, channels)
+    assert signals["eta"][0, 2:].tolist() == pytest.approx([5, 0, pi / 18, pi / 2])
+    assert signals["u"][0].tolist() == pytest.approx([1.0, -0.5])
+    with pytest.raises(InputInvalid, match=r"pitch reaches 10 at 0.000 s, as if it were in deg"):
+        read_log(path, None, read_channels(["attitude=roll,pitch,yaw", "u=pwm1,pwm2"]))
+    with pytest.raises(InputInvalid, match=r"--channel depth=deep: no column 'deep'; expected"):
+        read_log(path, None, read_channels(["depth=deep"]))
+
+
+def test_a_truncated_csv_and_one_whose_clock_jumps_are_refused(tmp_path: Path) -> None:
+    path = tmp_path / "a.csv"
+    whole = COLUMNS + rows(60, "5,0,0,0,1,0,0")
+    path.write_text(whole[:-8])
+    with pytest.raises(InputInvalid, match=r"a.csv:61: 5 values; expected 8"):
+        read_log(path)
+    path.write_text(whole + rows(60, "5,0,0,0,1,0,0"))
+    with pytest.raises(InputInvalid, match=r"jumps back from 5.900 to 0.000 s"):
+        read_log(path)
+    path.write_text(whole + "1700000000,5,0,0,0,1,0,0\n")
+    with pytest.raises(InputInvalid, match=r"the clock jumps ahead by 1.7e\+09 s at 5.900 s"):
+        read_log(path)
+
+
+def test_an_angle_in_degrees_is_found_by_its_full_turns(tmp_path: Path) -> None:
+    path = tmp_path / "a.csv"
+    turns = "".join(f"{k * 0.1:.1f},5,0,0,{(k * 7) % 360},1,0,0\n" for k in range(80))
+    path.write_text(COLUMNS + turns)
+    with pytest.raises(InputInvalid, match=r"yaw reaches 3.* as if it were in degrees"):
+        read_log(path)
+
+
+def test_a_recording_of_this_package_has_no_channels(tmp_path: Path) -> None:
+    (tmp_path / "a.parquet").write_bytes(b"x")
+    with pytest.raises(InputInvalid, match=r"a recording of a run; expected --map"):
+        read_log(tmp_path / "a.parquet", None, read_channels(["depth=x"]))
+
+
+def test_signals_in_a_csv_have_one_clock_too(tmp_path: Path) -> None:
+    path = tmp_path / "a.csv"
+    path.write_text("time,nu[1]\n" + rows(60, "1") + rows(60, "1"))
+    with pytest.raises(InputInvalid, match=r"jumps back from 5.900 to 0.000 s"):
+        read_log(path)
+    path.write_text("time,nu[1]\n" + rows(60, "1") + "1700000000,1\n")
+    with pytest.raises(InputInvalid, match=r"jumps ahead by 1.7e\+09 s at 5.900 s"):
+        read_log(path)

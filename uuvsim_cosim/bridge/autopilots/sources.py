@@ -93,7 +93,7 @@ def described(scheme: str, description: str, modes: str, own: Sequence[Variable]
     ]  # fmt: skip
     return Description(
         scheme, "python", {v.name: v for v in variables}, description=description,
-        can_get_and_set_state=False, can_serialize_state=False,
+        can_get_and_set_state=False, can_serialize_state=False, can_handle_variable_step=False,
     )  # fmt: skip
 
 

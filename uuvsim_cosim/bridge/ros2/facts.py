@@ -8,6 +8,9 @@ Numeric parameters have their own names. Names that begin with @ are found other
 @grid          rows and columns of an image
 @depth         1: the image has depths along the optical axis
 @fan           angle of the first beam and from beam to beam [rad], about -x of `s`
+@bearings      (beams,) of a sonar's beams [rad], from its x axis towards y
+@beams         (beams, 3) unit vectors of a sonar's beams, in its axes `s`
+@ranges        (bins,) of the middles of a sonar's range bins [m]
 @place         of the origin of `n`: 0, its latitude and longitude [deg]; or the EPSG number of a
                projected system, and northing and easting there [m]
 ============== =================================================================================
@@ -24,6 +27,7 @@ import numpy as np
 from uuvsim_cosim.bridge.ros2.frames import Array
 from uuvsim_cosim.errors import UuvsimError
 from uuvsim_cosim.models.sensors.multibeam_and_camera import beams_of
+from uuvsim_cosim.models.sensors.sonar_axes import sonar_axes
 from uuvsim_cosim.models.worlds.scene import load_scene
 from uuvsim_cosim.orchestrator.plan.plan import Plan, PlannedComponent
 
@@ -81,6 +85,14 @@ def _rays(c: PlannedComponent) -> dict[str, Array]:
         beams = [np.sin(t) * np.cos(a), np.sin(t) * np.sin(a), np.cos(t) * np.ones(a.shape)]
         return {"@directions": np.stack(beams, axis=-1), "@scale": np.ones(a.shape)}
     name, options = _options(c)
+    if (axes := sonar_axes(c.source)) is not None:
+        along = axes.beams[:1] if axes.scans else axes.beams
+        found: dict[str, Array] = {
+            "@bearings": np.zeros(1) if axes.scans else axes.bearings, "@ranges": axes.ranges,
+            "@beams": along, "@scale": np.ones(len(along)),
+        }  # fmt: skip
+        is_fan = not axes.scans and len(along) > 2
+        return found | ({"@directions": along} if is_fan else {})  # an echo's place is known
     try:
         d = np.asarray(beams_of(name, options.pop("id", ""), **options).directions)
     except (UuvsimError, TypeError, ValueError):

@@ -34,7 +34,9 @@ STRING = "std_msgs/msg/String"
 _HALF = np.sqrt(0.5)
 # Frames of an instrument beside its link, by the fact that it has: quaternion x y z w.
 _OWN = (1.0, 0.0, 0.0, 0.0)  # z along the view
+_AHEAD = (_HALF, 0.0, _HALF, 0.0)  # z ahead, x up, y to starboard
 _AXES = (
+    ("@bearings", "sonar", _AHEAD),
     ("@depth", "optical", _OWN),
     ("tilt", "sonar", _OWN),
     ("@fan", "sonar", _OWN),

@@ -114,6 +114,16 @@ _RULES = (
     _Rule("sensor_msgs/msg/PointCloud2", "points", {"range": "image"}, "link"),
     _Rule("sensor_msgs/msg/LaserScan", "scan", {"range": "range"}, "scan"),
     _Rule("marine_acoustic_msgs/msg/SonarRanges", "ranges", {"range": "range"}, "sonar"),
+    *(
+        _Rule(f"marine_acoustic_msgs/msg/{message}", suffix, {v: v for v in (*roles, *scanning)},
+              "sonar", frozenset(() if scanning else ("bearing",)))
+        for scanning in ((), ("bearing",))
+        for message, suffix, roles in (
+            ("ProjectedSonarImage", "projected_image", ("magnitude",)),
+            ("RawSonarImage", "raw_image", ("magnitude",)),
+            ("SonarDetections", "detections", ("range", "magnitude")),
+        )
+    ),
     _Rule("sensor_msgs/msg/Image", "image", {"image": "image"}, "optical"),
     _Rule("sensor_msgs/msg/CameraInfo", "camera_info", {"image": "image"}, "optical"),
     _Rule("geometry_msgs/msg/WrenchStamped", "wrench", {"tau": "tau"}, "base"),
@@ -125,6 +135,8 @@ _FACTS = {
     "@directions": "the directions of the beams", "@scale": "the directions of the beams",
     "@fan": "beams in one plane", "@grid": "rows and columns", "@depth": "depths, not ranges",
     "@place": "the place of the local frame on Earth",
+    "@bearings": "the bearings of a sonar's beams", "@beams": "the directions of a sonar's beams",
+    "@ranges": "the ranges of a sonar's bins",
 }  # fmt: skip
 
 
@@ -304,8 +316,10 @@ def _problems(
         return
     scale = known.get("@scale")
     for role, name in topic.signals.items():
-        if sizes[role] == ANY and scale is not None and variables[name].size != len(scale):
-            yield f"{role}: {name} has {variables[name].size} elements; expected {len(scale)}"
+        if sizes[role] == ANY and scale is not None:
+            size = len(scale) * (len(known["@ranges"]) if role == "magnitude" else 1)
+            if variables[name].size != size:
+                yield f"{role}: {name} has {variables[name].size} elements; expected {size}"
 
 
 def topics_text(topics: Iterable[Topic]) -> str:

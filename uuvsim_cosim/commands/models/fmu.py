@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from inspect import Signature, signature
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from uuvsim_cosim.cache import written
 from uuvsim_cosim.commands.shared.answer import answer
 from uuvsim_cosim.commands.shared.completion import models, of, systems
 from uuvsim_cosim.commands.shared.options import (
@@ -31,7 +32,10 @@ from uuvsim_cosim.commands.shared.terminal import (
     table,
     tilde,
 )
-from uuvsim_cosim.errors import InputInvalid
+from uuvsim_cosim.errors import InputInvalid, UuvsimError
+
+if TYPE_CHECKING:
+    from uuvsim_cosim.fmus.check.check_fmu import Look
 
 __all__ = ["app"]
 
@@ -192,15 +196,56 @@ def _short(value: object) -> str:
     return text if len(text) <= 32 else text[:31] + "…"
 
 
+@app.command("compare")
+def compare(
+    a: Annotated[Path, typer.Argument(help="An .fmu.")],
+    b: Annotated[Path, typer.Argument(help="The .fmu that replaces it, or a later version.")],
+) -> None:
+    """Compare the interfaces of two FMUs: variables, units, capabilities, terminals.
+
+    The exit status is 0 if they are equal, 1 if they differ.
+    """
+    from uuvsim_cosim.fmus.check.compare_fmu import compare_interfaces
+
+    found = compare_interfaces(a, b)
+    put("equal", not found)
+    put("differences", [vars(d) for d in found])
+    if not found:
+        line(f"{tilde(a)} and {tilde(b)} have equal interfaces")
+        return
+    if answer().mode != "json":
+        head = ("what", "name", "property", "A", "B")
+        rows = [(d.topic, d.name, d.property, _short(d.a), _short(d.b)) for d in found]
+        table(head, rows)
+        line(f"{len(found)} difference{'s' * (len(found) != 1)}; --json has every value in full")
+    raise typer.Exit(1)
+
+
 @app.command("check")
-def check(files: Annotated[list[Path], typer.Argument(help="One .fmu, or several.")]) -> None:
+def check(
+    files: Annotated[list[Path], typer.Argument(help="One .fmu, or several.")],
+    junit: Annotated[
+        Path | None,
+        typer.Option("--junit", help="File for the results in JUnit's XML, which CI servers read."),
+    ] = None,
+) -> None:
     """Check FMUs: rules, run, reset, state, reference result; status 2 if something is wrong."""
     from uuvsim_cosim.fmus.check.check_fmu import examine, relied_on
+    from uuvsim_cosim.fmus.check.junit import junit_report
 
     wrong = []
+    results: list[tuple[Path, Sequence[Look] | UuvsimError]] = []
     for file in files:
-        with console(stderr=True).status(f"checking {file.name}"):
-            looks = examine(file)
+        try:
+            with console(stderr=True).status(f"checking {file.name}"):
+                looks = examine(file)
+        except UuvsimError as error:
+            if junit is None:
+                raise
+            results.append((file, error))
+            wrong.append(str(error))
+            continue
+        results.append((file, looks))
         line(tilde(file))
         for look in looks:
             line(f"  {look.check}: {look.result}{': ' if look.text else ''}{look.text}")
@@ -215,5 +260,8 @@ def check(files: Annotated[list[Path], typer.Argument(help="One .fmu, or several
             wrong.append(f"{file}: {found} finding(s)")
         else:
             line(f"{tilde(file)}: nothing wrong was found")
+    if junit is not None:
+        written(junit, junit_report(results))
+        file_line(junit)
     if wrong:
         raise InputInvalid("; ".join(wrong), "none")

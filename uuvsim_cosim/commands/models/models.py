@@ -103,7 +103,7 @@ def check(
         typer.Argument(
             autocompletion=models,
             help="A vehicle as id, id@set or its folder, or a component such as thruster_t200; "
-            "by default all.",
+            "with --real, a recording; by default all.",
         ),
     ] = None,
     source: Annotated[
@@ -125,10 +125,34 @@ def check(
             "--relative", help="With --against: deviations relative to each column's largest value."
         ),
     ] = False,
+    real: Annotated[
+        bool, typer.Option("--real", help="Compare predictions with recordings of real vehicles.")
+    ] = False,
+    fetch: Annotated[
+        Path | None,
+        typer.Option(
+            "--fetch", help="With --real: folder with clones of repositories that hold recordings."
+        ),
+    ] = None,
+    page: Annotated[
+        Path | None,
+        typer.Option("--page", help="With --real: page whose tables and pictures are written."),
+    ] = None,
 ) -> None:
     """Compare models with trajectories, published values and closed forms; list deviations."""
     from uuvsim_cosim.models.checks.comparison import known_groups
 
+    if real:
+        if source or against is not None or relative:
+            raise InputInvalid(
+                "--real and --source, --against or --relative: expected --real alone"
+            )
+        from uuvsim_cosim.commands.models.real import check_real
+
+        check_real(name, fetch, page)
+        return
+    if fetch is not None or page is not None:
+        raise InputInvalid("--fetch and --page: expected --real beside them")
     groups = known_groups(source or ())
     if against is None:
         _check_all(name, groups)

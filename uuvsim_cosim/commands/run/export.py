@@ -1,4 +1,7 @@
-"""`uuvsim export`: a recording as CSV, MATLAB, MCAP or Rerun; a system as a page that runs."""
+"""`uuvsim export`: a recording as CSV, MATLAB, MCAP or Rerun, or images of its sonar as pictures.
+
+A system is exported as a page that runs.
+"""
 
 from __future__ import annotations
 
@@ -17,6 +20,7 @@ from uuvsim_cosim.models.declaration.modeline import keep_schemas
 __all__ = ["export_command"]
 
 KINDS = (".csv", ".mat", ".mcap", ".rrd")
+IMAGES = (".png", ".webp", ".npz", ".xtf")  # of a sonar
 PAGES = (".html", ".htm")
 
 
@@ -25,13 +29,16 @@ def export_command(
         Path,
         typer.Argument(
             help="Folder that `uuvsim run` wrote, or a recording; for .html, a system by name, "
-            ".ssd or .ssp."
+            ".ssd or .ssp; for pictures, also an .xtf file."
         ),
     ],
     out: Annotated[
         Path,
         typer.Option(
-            "--out", "-o", help="File to write: .csv, .mat, .mcap, .rrd (Rerun) or .html (a page)."
+            "--out",
+            "-o",
+            help="File to write: .csv, .mat, .mcap, .rrd (Rerun) or .html (a page); of a sonar: "
+            ".png, .webp (animated), .npz (arrays) or .xtf (side-scan).",
         ),
     ],
     scene: Annotated[
@@ -60,12 +67,35 @@ def export_command(
             metavar="LAT,LON", help="With --ros2: place of the local frame's origin, for GPS fixes."
         ),
     ] = None,
+    sonar: Annotated[
+        str,
+        typer.Option(
+            metavar="COMPONENT",
+            help="With .png, .webp, .npz, .xtf: the sonar, if there are several.",
+        ),
+    ] = "",
+    picture: Annotated[
+        str,
+        typer.Option(
+            autocompletion=of("fan", "polar", "labels", "waterfall"),
+            help="With .png, .webp: a fan in metres, a polar picture by beam and range, labels, "
+            "or the waterfall of a side-scan sonar.",
+        ),
+    ] = "",
+    span: Annotated[
+        float | None,
+        typer.Option(metavar="DB", help="With .png, .webp: decibels from black to white (60)."),
+    ] = None,
 ) -> None:
     """Convert a recording for other tools, or write a system as a page that runs in a browser.
 
     The ending of the file name selects the format.
     """
     kind = out.suffix.lower()
+    for option, value in {"--sonar": sonar, "--picture": picture, "--span": span}.items():
+        allowed = IMAGES if option == "--sonar" else IMAGES[:2]
+        if value not in ("", None) and (ros2 or kind not in allowed):
+            raise InputInvalid(f"{option} and {out}", f"a file {', '.join(allowed)}")
     if ros2:
         _export_bag(run, out, topics, distribution, origin, scene=scene)
         return
@@ -75,9 +105,14 @@ def export_command(
     if kind in PAGES:
         _export_page(str(run), out, scene=scene)
         return
+    if kind in IMAGES and not scene:
+        _export_images(run, out, sonar, picture, span)
+        return
     if kind not in KINDS:
         raise InputInvalid(
-            out, f"ending {out.suffix!r} was read", f"{', '.join(KINDS)}, or .html of a system"
+            out,
+            f"ending {out.suffix!r} was read",
+            f"{', '.join(KINDS)}, {', '.join(IMAGES)} of a sonar, or .html of a system",
         )
     if scene and kind != ".mcap":
         raise InputInvalid(f"--scene and {out}: expected a file .mcap; .rrd has the scene anyway")
@@ -94,6 +129,19 @@ def export_command(
             from uuvsim_cosim.orchestrator.recording.export import export
 
             export(run, out, progress)
+    file_line(out)
+
+
+def _export_images(run: Path, out: Path, sonar: str, picture: str, span: float | None) -> None:
+    from uuvsim_cosim.view.sonar.files import write_scans
+    from uuvsim_cosim.view.sonar.recorded import scans_of_run
+    from uuvsim_cosim.view.sonar.xtf import read_xtf
+
+    scans = read_xtf(run) if run.suffix.lower() == ".xtf" else scans_of_run(run, sonar)
+    usual = "waterfall" if scans.is_side_scan else "fan"
+    for note in write_scans(scans, out, picture or usual, 60.0 if span is None else span):
+        line(note)
+    put("sonar", {"component": scans.name, "pings": len(scans)})
     file_line(out)
 
 

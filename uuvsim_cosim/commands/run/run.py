@@ -35,6 +35,7 @@ from uuvsim_cosim.commands.shared.system_options import (
     Unsigned,
     Until,
     Values,
+    VariableSteps,
     VehicleOfMission,
     changes_of,
     edited_system,
@@ -130,6 +131,7 @@ def run_command(
         ),
     ] = None,
     loops: Loops = None,
+    variable_step: VariableSteps = None,
     trace_fmi: Annotated[
         Path | None, typer.Option(help="CSV to write: every FMI call of every FMU; slow.")
     ] = None,
@@ -178,7 +180,8 @@ def run_command(
             "--waypoints": waypoints, "--origin": origin, "--replace": replace, "--map": map_,
             "--rate": rate, "--vehicle": vehicle, "--force": force, "--ardusub": ardusub,
             "--px4": px4, "--real-time": real_time,
-            "--scenario": scenario, "--view": view, "--loops": loops, "--arm-real": arm_real,
+            "--scenario": scenario, "--view": view, "--loops": loops,
+            "--variable-step": variable_step, "--arm-real": arm_real,
             "--unsigned": unsigned,
         }  # fmt: skip
         for option, given in refused.items():
@@ -219,7 +222,7 @@ def run_command(
             "--real-time 1 as well",
         )  # fmt: skip
     edited = edited_system(system, waypoints, changes, loops, origin, vehicle, force,
-                           {"ardusub": ardusub, "px4": px4})  # fmt: skip
+                           {"ardusub": ardusub, "px4": px4}, variable_step)  # fmt: skip
     if real_time is None and overruns != "catch-up":
         raise InputInvalid(f"--overruns {overruns}: expected --real-time FACTOR with it")
     from uuvsim_cosim.orchestrator.master.real_time import Pace

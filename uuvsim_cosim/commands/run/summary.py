@@ -39,6 +39,9 @@ def summary(run: Run, surveyed: SeabedMap | None = None) -> tuple[list[Figure], 
         found += map_figures(surveyed)
     begun = f", from {run.start:g} s" if run.start else ""
     steps = f"{run.steps} steps of {run.tick:g} s{begun}"
+    if run.variable_step is not None:
+        v = run.variable_step
+        steps = f"{v.steps} steps of {v.shortest:g} to {v.longest:g} s{begun}"
     factor, wall = run.real_time_factor, f"{run.wall_time:.2f} s"
     found.append(Figure("simulated", "simulated", run.time, "s", "g", steps))
     found.append(Figure("real_time_factor", "real-time factor", factor, "", ".1f", wall))
@@ -48,6 +51,9 @@ def summary(run: Run, surveyed: SeabedMap | None = None) -> tuple[list[Figure], 
         label = f"steps late, at {p.factor:g} times real time"
         found.append(Figure("late_median", label, 1e3 * p.median, "ms", ".3f", late))
         found.append(Figure("overruns", "overruns", p.overruns, "", "d", f"of {p.steps}"))
+    if run.variable_step is not None:
+        repeated = run.variable_step.rejected
+        found.append(Figure("repeated_steps", "steps repeated", repeated, "", "d", "shorter"))
     if run.loop_delay is not None:
         label, delay = "slowest control loop's delay", 1e3 * run.loop_delay
         found.append(Figure("loop_delay", label, delay, "ms", "g", run.loop_path))

@@ -10,13 +10,15 @@ import typer
 from uuvsim_cosim.cache import written
 from uuvsim_cosim.commands.run.missions import missions_command
 from uuvsim_cosim.commands.shared.completion import components, of, systems, vehicles
+from uuvsim_cosim.commands.shared.options import assignments
 from uuvsim_cosim.commands.shared.system_options import Force
 from uuvsim_cosim.commands.shared.terminal import file_line, line, number, remark, table
 from uuvsim_cosim.errors import InputInvalid
 
 __all__ = ["app"]
 
-app = typer.Typer(help="List the systems, show one or its slots, or make one for a vehicle.")
+app = typer.Typer(help="List the systems, show one or its slots, or make one.")
+CONNECTION = "component.input=component.output, such as tank.inflow=valve.flow"
 
 
 app.command("missions")(missions_command)
@@ -110,44 +112,119 @@ def slot(
 
 @app.command("new")
 def new(
-    name: Annotated[str, typer.Argument(help="Name of the system; of its vehicle too by default.")],
+    name: Annotated[
+        str,
+        typer.Argument(
+            help="Name of the system; of its vehicle too by default.", show_default=False
+        ),
+    ] = "",
     vehicle: Annotated[
         str | None,
         typer.Option(autocompletion=vehicles, help="Vehicle: id, id@set or folder; default NAME."),
     ] = None,
     mission: Annotated[
-        str, typer.Option(autocompletion=of("hold", "survey"), help="Mission: hold or survey.")
-    ] = "survey",
+        str | None,
+        typer.Option(
+            autocompletion=of("hold", "survey"), help="Mission: hold or survey; default survey."
+        ),
+    ] = None,
+    from_: Annotated[
+        list[Path] | None,
+        typer.Option("--from", help="FMUs, one or several, in the place of a vehicle."),
+    ] = None,
+    connect: Annotated[
+        list[str] | None,
+        typer.Option(help="Source of an input, a.input=b.output; units are converted."),
+    ] = None,
+    step: Annotated[
+        str | None,
+        typer.Option(help="Communication step of all FMUs [s]; default: that of each FMU."),
+    ] = None,
     out: Annotated[
         Path | None, typer.Option("--out", "-o", help="File to write; default NAME.ssd.")
     ] = None,
     force: Force = False,
 ) -> None:
-    """Make a complete system from a vehicle's folder, and print its margins and assumptions."""
-    if vehicle is not None and Path(name).name != name:
+    """Make a complete system from a vehicle's folder, or a system of FMUs.
+
+    For a vehicle, the margins and assumptions are printed. Outputs and inputs of FMUs are connected
+    if their names and units are equal; the inputs that stay open are listed.
+    """
+    if from_ is None and not name:
+        raise InputInvalid("no name", "NAME of the system, or --from FILE.fmu")
+    for option, given, needed in (
+        ("--vehicle", from_ and vehicle, "no --from beside it"),
+        ("--mission", from_ and mission, "no --from beside it"),
+        ("--connect", not from_ and connect, "--from"),
+        ("--step", not from_ and step, "--from"),
+    ):
+        if given:
+            raise InputInvalid(f"{option} {given}", "an option for another source", needed)
+    if (vehicle is not None or from_) and Path(name).name != name:
         raise InputInvalid(
             f"{name}: a path", "the name of the system; --out FILE.ssd for its place"
         )
+    name = name or "system"
     target = out or Path(f"{Path(name).name}.ssd")
     if target.suffix.lower() != ".ssd":
         raise InputInvalid(target, f"ending {target.suffix!r} was read", ".ssd")
     if target.exists():
         raise InputInvalid(target, "it exists already", "another name, or --out FILE.ssd")
+    own = "".join(c if c.isalnum() else "_" for c in Path(name).name)
+    if from_:
+        pairs = assignments("--connect", connect or (), CONNECTION, dotted=True)
+        _new_of_fmus(from_, own, pairs, step, target)
+        return
     from dataclasses import replace
 
     from uuvsim_cosim.orchestrator.plan.flatten import flatten
     from uuvsim_cosim.orchestrator.shipped.of_vehicle import system_of
     from uuvsim_cosim.orchestrator.ssp.ssd import write_ssd
 
-    made = system_of(vehicle or name, mission)  # type: ignore[arg-type]  # it refuses others
+    made = system_of(vehicle or name, mission or "survey")  # type: ignore[arg-type]  # it refuses
     made = made.with_mismatches("warn") if force else made
     first, *others = made.remarks
     warned = [w for w in flatten(made).warnings if w not in made.notes]
-    own = "".join(c if c.isalnum() else "_" for c in Path(name).name)
     write_ssd(replace(made, name=own), target)
     line(first)
     for text in warned:
         remark("warning", text)
     for text in others:
         remark("note" if text.startswith("margins") else "assumed", text)
+    file_line(target)
+
+
+def _new_of_fmus(
+    files: list[Path], name: str, connect: dict[str, str], step: str | None, target: Path
+) -> None:
+    """Write a system of FMUs; print its connections, the inputs that stay open, and assumptions."""
+    from uuvsim_cosim.orchestrator.plan.flatten import plan_to_inspect
+    from uuvsim_cosim.orchestrator.shipped.of_fmus import system_of_fmus
+    from uuvsim_cosim.orchestrator.ssp.ssd import write_ssd
+
+    chosen = {(source, target) for target, source in connect.items()}
+    made = system_of_fmus(files, name, connections=sorted(chosen), step=step)
+    plan, refused = plan_to_inspect(made.system)
+    write_ssd(made.system, target)
+    rows = [
+        (c.source, c.target, "by --connect" if (c.source, c.target) in chosen else "name and unit")
+        for c in made.system.connections
+    ]
+    if rows:
+        table(("output", "input", "connected by"), rows, key="connections")
+    if made.open:
+        line()
+        table(
+            ("open input", "unit", "outputs that it could have", "reason"),
+            [(o.target, o.unit or "-", ", ".join(o.sources) or "-", o.reason) for o in made.open],
+            key="open",
+        )
+    line()
+    for text in made.system.notes:
+        remark("assumed", text)
+    for text in plan.warnings:
+        if text not in made.system.notes:
+            remark("warning", text)
+    if refused:
+        remark("warning", f"a run will refuse this system: {refused}")
     file_line(target)

@@ -26,7 +26,8 @@ GROUPS: dict[str, dict[str, tuple[str, ...]]] = {
         _SYSTEM: ("--vehicle", "--set", "--replace", "--map", "--force", "--ardusub", "--px4",
                   "--loops", "--native", "--isolate", "--watchdog", "--grant", "--arm-real",
                   "--unsigned"),
-        _TIME: ("--until", "--start", "--rate", "--real-time", "--overruns"),
+        _TIME: ("--until", "--start", "--rate", "--variable-step", "--real-time",
+                "--overruns"),
         _INPUTS: ("--input", "--waypoints", "--origin", "--scenario", "--seed"),
         OUTPUT: ("--out", "--record-every", "--no-report", "--open", "--view", "--port",
                  "--trace-fmi"),
@@ -43,6 +44,16 @@ GROUPS: dict[str, dict[str, tuple[str, ...]]] = {
         "Access": ("--access", "--anyone", "--no-code"),
         OUTPUT: ("--out", "--no-record"),
     },
+    "export": {
+        OUTPUT: ("--out", "--scene"),
+        "ROS 2": ("--ros2", "--topics", "--distribution", "--origin"),
+        "Images of a sonar": ("--sonar", "--picture", "--span"),
+    },
+    "systems new": {
+        "Vehicle": ("--vehicle", "--mission", "--force"),
+        "FMUs": ("--from", "--connect", "--step"),
+        OUTPUT: ("--out",),
+    },
     "terrain": {
         "Area": ("--around", "--size", "--resolution"),
         "Reading": ("--datum", "--unit", "--positive", "--crs", "--local"),
@@ -51,8 +62,10 @@ GROUPS: dict[str, dict[str, tuple[str, ...]]] = {
     },
     "identify": {
         _SYSTEM: ("--system", "--replace", "--set", "--hull"),
-        "Recording": ("--map", "--log-parameters", "--from", "--to", "--step"),
-        "Fit": ("--parameters", "--no-proposals"),
+        "Recording": ("--map", "--log-parameters", "--channel",
+                      "--from", "--to", "--step"),
+        "Fit": ("--parameters", "--inputs", "--delay", "--unknown", "--residuals",
+                "--no-proposals"),
         OUTPUT: ("--save-as", "--manoeuvre"),
     },
     "study": {
@@ -122,6 +135,7 @@ EXAMPLES: dict[str, tuple[str, ...]] = {
     "export": (
         "export runs/bluerov2_survey-0 -o run.csv",
         "export runs/bluerov2_survey-0 -o run.mcap --scene",
+        "export runs/wreck_inspection-0 -o sonar.webp --picture fan",
         "export bluerov2_hold -o page.html",
     ),
     "verify": (
@@ -150,7 +164,11 @@ EXAMPLES: dict[str, tuple[str, ...]] = {
         "systems show bluerov2_hold --plan",
     ),
     "systems missions": ("systems missions", "systems missions bluerov2 my_rov --until 60"),
-    "systems new": ("systems new my_rov", "systems new heavy --vehicle bluerov2_heavy"),
+    "systems new": (
+        "systems new my_rov",
+        "systems new heavy --vehicle bluerov2_heavy",
+        "systems new plant --from tank.fmu controller.fmu",
+    ),
     "systems slot": ("systems slot bluerov2_survey controller",),
     "models": ("models", "models show remus100"),
     "models show": ("models show remus100", "models show imu@stim300"),
@@ -166,7 +184,8 @@ EXAMPLES: dict[str, tuple[str, ...]] = {
     "fmu": ("fmu build thruster --fmi 2", "fmu check my_controller.fmu"),
     "fmu build": ("fmu build thruster --fmi 2 --platform linux64,win64 -o out",),
     "fmu inspect": ("fmu inspect my_controller.fmu", "fmu inspect my_controller.fmu --json"),
-    "fmu check": ("fmu check my_controller.fmu",),
+    "fmu check": ("fmu check my_controller.fmu", "fmu check a.fmu b.fmu --junit fmus.xml"),
+    "fmu compare": ("fmu compare before.fmu after.fmu", "fmu compare a.fmu b.fmu --json"),
     "fmu system": ("fmu system bluerov2_hold -o .",),
     "fmu client": ("fmu client bluerov2_hold -o .",),
     "pack": ("pack bluerov2_survey -o survey.ssp",),
@@ -234,14 +253,37 @@ def complete(command: Any) -> Any:
             each.params.sort(key=lambda p: order.index(p.opts[0]) if p.opts[0] in place else -1)
         each.params.extend(shared)
         if any("--mavlink" in parameter.opts for parameter in each.params):
-            each.parse_args = partial(_parsed, each.parse_args)
+            each.parse_args = partial(_parsed, each.parse_args, with_implied_values)
+        if path == "systems new":
+            each.parse_args = partial(_parsed, each.parse_args, with_several_files)
         if path in EXAMPLES:
             each.epilog = "\n\n".join(("Examples:", *(f"uuvsim {x}" for x in EXAMPLES[path])))
     return command
 
 
-def _parsed(parse: Callable[[Any, list[str]], Any], context: Any, arguments: list[str]) -> Any:
-    return parse(context, with_implied_values(arguments))
+def _parsed(
+    parse: Callable[[Any, list[str]], Any],
+    change: Callable[[Sequence[str]], list[str]],
+    context: Any,
+    arguments: list[str],
+) -> Any:
+    return parse(context, change(arguments))
+
+
+def with_several_files(arguments: Sequence[str]) -> list[str]:
+    """Return the arguments, with a `--from` before each of several FMUs that follow one.
+
+    Typer has no options with a number of values that the user chooses.
+    """
+    filled: list[str] = []
+    several = False
+    for argument in arguments:
+        several = several and argument.lower().endswith(".fmu")
+        if several and filled[-1] != "--from":
+            filled.append("--from")
+        filled.append(argument)
+        several = several or argument == "--from"
+    return filled
 
 
 def with_implied_values(arguments: Sequence[str]) -> list[str]:

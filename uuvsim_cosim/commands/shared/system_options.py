@@ -38,6 +38,7 @@ __all__ = [
     "Unsigned",
     "Until",
     "Values",
+    "VariableSteps",
     "VehicleOfMission",
     "changes_of",
     "edited_system",
@@ -86,6 +87,13 @@ Loops = Annotated[
         help="Algebraic loops: iterate, refuse or delay.",
     ),
 ]  # fmt: skip
+VariableSteps = Annotated[
+    str | None,
+    typer.Option(
+        "--variable-step",
+        help="Step that follows the coupling's error, in s: 'smallest=1e-5 largest=0.01'.",
+    ),
+]
 Until = Annotated[
     float | None,
     typer.Option(
@@ -128,6 +136,7 @@ def edited_system(
     name: str, waypoints: Path | None, changes: dict[str, dict[str, str]],
     loops: str | None = None, origin: str | None = None, vehicle: str | None = None,
     force: bool = False, binaries: Mapping[str, str | None] | None = None,
+    variable_step: str | None = None,
 ) -> System:  # fmt: skip
     """Load the system and apply the swaps, then rates, values, waypoints and the policies.
 
@@ -147,6 +156,9 @@ def edited_system(
         system = system.with_mismatches("warn")
     if loops is not None:
         system = system.with_loops(loops)  # type: ignore[arg-type]  # refused if there is none
+    if variable_step is not None:
+        asked = variable_step.strip()
+        system = system.with_variable_step(None if asked == "none" else asked)
     rates, swaps = changes["rate"], dict(changes["replace"])
     if any(text.startswith("axes:") for text in swaps.values()):
         from uuvsim_cosim.bridge.http.recorded_axes import with_recorded_axes

@@ -37,7 +37,8 @@ def identify_command(
     recording: Annotated[
         Path,
         typer.Argument(
-            help="Recording: folder of a run, .parquet, .mcap, .csv, or ArduSub's .BIN or .tlog."
+            help="Recording: folder of a run, .parquet, .mcap, .csv, ArduSub's .BIN or .tlog, "
+            "PX4's .ulg, or a bag of ROS (.mcap, .db3, .bag)."
         ),
     ],
     parameters: Annotated[
@@ -54,12 +55,22 @@ def identify_command(
             "--system",
             autocompletion=systems_and_models,
             help="System by name or file, or a hull such as model:bluerov2. "
-            "By default the vehicle that an ArduSub log names.",
+            "By default the vehicle that an autopilot's log names.",
         ),
     ] = None,
     log_parameters: Annotated[
         Path | None,
-        typer.Option("--log-parameters", help="File of ArduSub's parameters that the log lacks."),
+        typer.Option(
+            "--log-parameters", help="File of the autopilot's parameters that the log lacks."
+        ),
+    ] = None,
+    channel: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--channel",
+            help="Where a quantity is in the log: attitude=/ahrs:data?unit=deg&frame=ned, or a "
+            "YAML file of such lines.",
+        ),
     ] = None,
     replace: Annotated[
         list[str] | None,
@@ -103,6 +114,38 @@ def identify_command(
             metavar="TIME",
         ),
     ] = None,
+    inputs: Annotated[
+        str,
+        typer.Option(
+            "--inputs",
+            help="How commands and forces vary between samples: held, linear or smooth.",
+            autocompletion=lambda: ["held", "linear", "smooth"],
+        ),
+    ] = "held",
+    delay: Annotated[
+        float,
+        typer.Option(
+            "--delay",
+            help="Time by which commands and forces act later than recorded.",
+            parser=seconds("--delay"),
+            metavar="TIME",
+        ),
+    ] = 0.0,
+    unknown: Annotated[
+        str | None,
+        typer.Option(
+            "--unknown",
+            help="What is fitted besides the parameters: delay,current,bias (or bias_r, …).",
+        ),
+    ] = None,
+    residuals: Annotated[
+        str,
+        typer.Option(
+            "--residuals",
+            help="How residuals are correlated: ar1 (fitted), robust (wider intervals), or white.",
+            autocompletion=lambda: ["robust", "ar1", "white"],
+        ),
+    ] = "robust",
     save_as: Annotated[
         str | None,
         typer.Option("--save-as", help="Name of a new parameter set, or FOLDER@NAME for a copy."),
@@ -118,14 +161,18 @@ def identify_command(
 
     Multiple shooting on the declared equations, 95 % intervals, and a more informative manoeuvre.
     """
+    from uuvsim_cosim.studies.identification.assumptions import Assumptions
+    from uuvsim_cosim.studies.identification.channels import read_channels
     from uuvsim_cosim.studies.identification.identify import identify, recorded_system
     from uuvsim_cosim.studies.identification.logs import read_log, read_parameter_file
     from uuvsim_cosim.studies.identification.save import save_as as save
 
     if manoeuvre is not None and no_proposals:
         raise InputInvalid("--manoeuvre: with --no-proposals there is no manoeuvre to write")
+    names = tuple(n.strip() for n in (unknown or "").split(",") if n.strip())
+    assumed = Assumptions(inputs, delay, names, residuals)
     given = read_parameter_file(log_parameters) if log_parameters is not None else {}
-    signals = read_log(recording, given)
+    signals = read_log(recording, given, read_channels(channel or []))
     edited = recorded_system(signals, system)
     sources = assignments("--replace", replace or [], "component=source", dotted=False)
     for pattern, source in sources.items():
@@ -145,6 +192,7 @@ def identify_command(
             first=first,
             last=last,
             proposals=not no_proposals,
+            assumed=assumed,
             report=lambda text: remark("note", text),
             progress=lambda iteration, residual: shown.say(
                 f"iteration {iteration}: weighted residual {residual:.5g}; Ctrl-C keeps the best"
@@ -191,6 +239,10 @@ def _show(found: Identified) -> None:
     put("residuals", found.residuals)
     put("converged", found.converged)
     line(f"residuals (rms, SI): {', '.join(f'{n} {s:.2g}' for n, s in found.residuals.items())}")
+    for text in found.assumed:
+        remark("assumed", text)
+    if found.warning is not None:
+        remark("warning", found.warning)
     for text in found.notes:
         remark("note", text)
     for text in found.open:
@@ -199,9 +251,19 @@ def _show(found: Identified) -> None:
     if found.proposals:
         line()
         table(
-            ("manoeuvre of 40 s that would tell more", *(f"± {n.name}" for n in found.numbers)),
+            (
+                "manoeuvre of 40 s that would tell more",
+                *(f"± {n.name}" for n in found.numbers if not n.nuisance),
+            ),
             [
-                (p.name, *(number(w, ".2g") for w in p.half_widths))
+                (
+                    p.name,
+                    *(
+                        number(w, ".2g")
+                        for n, w in zip(found.numbers, p.half_widths, strict=True)
+                        if not n.nuisance
+                    ),
+                )
                 for p in found.proposals[:_SHOWN]
             ],
             key="manoeuvres",

@@ -138,6 +138,7 @@ def emit_update(f: Any, signature: str, first: int) -> str:
     late = set() if last is None else set(last.selections)
     within: list[tuple[int, tuple[int, int]]] = []
     after: list[str] = []
+    images: list[tuple[int, str, int]] = []  # cell, array and place of a value of an image
     for cell, source in stored:
         node = nodes[source[0]]
         own = f"b[{cell}]"
@@ -148,9 +149,12 @@ def emit_update(f: Any, signature: str, first: int) -> str:
                 last.selections.remove(node.k)
                 continue
             after.append(f"{own} = uuv_select(due, t{node.k}, {own});")
+        elif text.value[source] != own and (image := _IMAGE.match(text.value[source])):
+            images.append((cell, image[1], int(image[2])))
         elif text.value[source] != own:
             before.append(f"const V s{cell} = {text.value[source]};")
             after.append(f"{own} = uuv_select(due, s{cell}, {own});")
+    after += _copied(images)
     if last is not None:
         *lines, end = text.lines([last])
         lines += [f"    const V s{cell} = {text.value[source]};" for cell, source in within]
@@ -161,6 +165,22 @@ def emit_update(f: Any, signature: str, first: int) -> str:
         before += [*lines, end]
     body = "\n    ".join(["(void)b;", "(void)draws;", "(void)due;", *before, *after])
     return f"static void {signature} {{\n    {body}\n}}\n"
+
+
+_IMAGE = re.compile(r"(y\d+)\[(\d+)\]$")  # values of a sonar's image stay in an array
+
+
+def _copied(images: Sequence[tuple[int, str, int]]) -> Iterator[str]:
+    """Yield loops that copy values of images to cells, where both follow each other."""
+    k = 0
+    while k < len(images):
+        cell, array, place = images[k]
+        n = 1
+        while k + n < len(images) and images[k + n] == (cell + n, array, place + n):
+            n += 1
+        own, value = f"b[{cell} + i]", f"{array}[{place} + i]"
+        yield f"for (int i = 0; i < {n}; i++) {own} = uuv_select(due, {value}, {own});"
+        k += n
 
 
 def _stores(node: Node) -> bool:

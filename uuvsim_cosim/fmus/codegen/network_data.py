@@ -8,11 +8,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uuvsim_cosim.fmus.codegen.scene_data import contact_text, frame_call, ray_text
+from uuvsim_cosim.fmus.codegen.sonar_data import sonar_call, sonar_text
 from uuvsim_cosim.models.hull.contact import HullContact, HullPlace
 from uuvsim_cosim.models.intrinsics.field import Field
 from uuvsim_cosim.models.intrinsics.network import NETWORKS, Layer, Network
 from uuvsim_cosim.models.intrinsics.transformer import Transformer
 from uuvsim_cosim.models.worlds.rays import Frame, Rays
+from uuvsim_cosim.models.worlds.sonar_image import SonarImage
 
 __all__ = [
     "HEADER",
@@ -47,6 +49,10 @@ def network_call(k: int, called: str, a: list[str]) -> Iterator[str]:
         yield frame_call(k, n, a)
         yield from (f"t{k}.y[{j}]" for j in range(n.n_out))
         return
+    if isinstance(n, SonarImage):
+        yield sonar_call(k, n, a)
+        yield from (f"y{k}[{j}]" for j in range(n.n_out))
+        return
     suffix, groups, count, kind = "", [a], n.n_out, ""
     if called.startswith(FORWARD):
         suffix, groups = "_forward", [a[: n.n_in], a[-n.n_in :]]
@@ -67,6 +73,8 @@ def network_data(name: str) -> str:
         return "".join(contact_text(n))
     if isinstance(n, Rays | Frame):
         return "".join(ray_text(n))
+    if isinstance(n, SonarImage):
+        return "".join(sonar_text(n))
     if isinstance(n, Transformer):
         return "".join(transformer_text(n))
     assert isinstance(n, Network)

@@ -44,7 +44,10 @@ class Access(ABC):
 
     def value(self) -> Any:
         """Return the value: an array, or a scalar of Python."""
-        flat = self.elements()
+        return self.shaped(self.elements())
+
+    def shaped(self, flat: np.ndarray) -> Any:
+        """Return elements as a value of the variable's shape."""
         if self._variable.shape:
             return flat.reshape(self._variable.shape)
         return flat[0] if flat.dtype == object else flat[0].item()
@@ -62,15 +65,21 @@ class NumericAccess(Access):
 
     def fill(self, flat: np.ndarray) -> None:
         """Put the elements into the buffer."""
-        self._buffer[: flat.size] = flat
+        self._buffer[: flat.size] = _negative(flat) if self._variable.negated else flat
 
     def elements(self) -> np.ndarray:
         """Copy the elements out of the buffer."""
-        return self._buffer[: self._variable.size].astype(DTYPES[self._variable.type])
+        flat = self._buffer[: self._variable.size].astype(DTYPES[self._variable.type])
+        return _negative(flat) if self._variable.negated else flat
 
     def buffers(self) -> tuple[object, ...]:
         """Return the buffer's address."""
         return (self._pointer,)
+
+
+def _negative(flat: np.ndarray) -> np.ndarray:
+    """Return numbers with the opposite sign; true becomes false."""
+    return ~flat if flat.dtype == np.bool_ else -flat
 
 
 class StringAccess(Access):

@@ -1,4 +1,4 @@
-"""Base of FMI 2.0 and 3.0 instances: life cycle, values, states, and failures."""
+"""Base of FMI 1.0, 2.0 and 3.0 instances: life cycle, values, states, and failures."""
 
 from __future__ import annotations
 
@@ -75,7 +75,7 @@ def lives_here(archive: FmuArchive) -> bool:
 
 
 class FmuBinary(ABC):
-    """An instance of an FMU in this process; `Fmu2` and `Fmu3` have the calls of each version."""
+    """An instance of an FMU in this process; `Fmu1` to `Fmu3` have the calls of each version."""
 
     prefix: ClassVar[str]
     kind: ClassVar[BindingKind]
@@ -103,7 +103,7 @@ class FmuBinary(ABC):
         self._orphans: list[int] = []
         # Shared with the stepping loop in C, which sets it for states that it keeps itself.
         self._has_kept = ctypes.c_int32(0)
-        self._library = library(archive, self.prefix, self.signatures)
+        self._library = library(archive, self._exported_prefix(archive), self.signatures)
         self._library.component = path.encode()
         once = self.description.can_be_instantiated_only_once
         if once and _living[self._library.file]:
@@ -126,16 +126,25 @@ class FmuBinary(ABC):
         _living[self._library.file] += 1
         self._instance = instance
         self.phase = Phase.INSTANTIATED
+        for text in archive.remarks:
+            self._log.remark(text)
         try:
             self._configure()
         except BaseException:
             self.free()
             raise
 
-    # ---- calls that differ in FMI 2.0 and 3.0 -------------------------------------------------
+    # ---- calls that differ between versions ---------------------------------------------------
+
+    def _exported_prefix(self, archive: FmuArchive) -> str:
+        """Return the beginning of the functions' names in the library."""
+        return self.prefix
 
     @abstractmethod
     def _instantiate(self, logging_on: bool) -> int | None: ...
+
+    def _release(self, instance: int | None) -> None:
+        self._library.function("FreeInstance")(instance)
 
     @abstractmethod
     def enter_initialization_mode(self, start_time: float, stop_time: float | None) -> None:
@@ -214,7 +223,7 @@ class FmuBinary(ABC):
         instance, self._instance = self._instance, None
         if self.phase is not Phase.FATAL:  # then FMI allows no further call
             self._free_states(instance, list(self._states))
-            self._library.function("FreeInstance")(instance)
+            self._release(instance)
         self.phase = Phase.FREED
         _living[self._library.file] -= 1
         self._log.free()

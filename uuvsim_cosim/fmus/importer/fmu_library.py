@@ -6,6 +6,7 @@ import atexit
 import contextlib
 import ctypes
 import os
+import re
 import sys
 from collections.abc import Callable
 from functools import cache
@@ -24,6 +25,7 @@ __all__ = ["FmuLibrary", "library_of"]
 
 _addresses: dict[ctypes.CDLL, dict[str, int]] = {}
 _finalized_at_exit: set[Path] = set()
+_FMI1 = re.compile(rb"\0((?:[A-Za-z_]\w*_)?fmi)Instantiate(?:Slave|Model)\0")
 
 
 class FmuLibrary:
@@ -74,6 +76,19 @@ class FmuLibrary:
                 return found
         raise FmuError(
             f"{self.archive.path}: does not export {self._prefix}{name}, which is needed"
+            f"{self._other_prefix()}"
+        )
+
+    def _other_prefix(self) -> str:
+        """Return the prefix of the functions that an FMU of FMI 1.0 exports, if it is wrong."""
+        if self.archive.description.kind != "FMI 1.0":
+            return ""
+        found = {m[1].decode() for m in _FMI1.finditer(self.file.read_bytes())}
+        if not found or self._prefix in found:
+            return ""
+        return (
+            f"; its functions begin with {' and '.join(sorted(found))} instead, but FMI 1.0 "
+            f"begins them with the modelIdentifier {self.archive.model_identifier!r}"
         )
 
     def has(self, name: str) -> bool:
@@ -113,7 +128,7 @@ def library_of(archive: FmuArchive) -> Path:
     """Find the binary for this platform, or compile the sources; raises FmuError."""
     machine = host()
     folders = [machine.fmi3]
-    if archive.description.kind == "FMI 2.0":
+    if archive.description.kind != "FMI 3.0":
         folders.insert(0, machine.fmi2)
         if machine.suffix == ".dylib":
             folders.append("darwin64")  # universal binaries

@@ -27,6 +27,7 @@ def logger_library() -> ctypes.CDLL:
     signatures: Signatures = {
         "uuv_log_new": (pointer, []),
         "uuv_log_free": (None, [pointer]),
+        "uuv_log_name": (None, [pointer, ctypes.c_char_p, pointer]),
         "uuv_log_take": (ctypes.c_int32, [pointer] * 4),
         "uuv_log_lost": (ctypes.c_uint64, [pointer]),
         "uuv_release": (None, [pointer]),
@@ -48,6 +49,10 @@ class MessageLog:
     def address(self, callback: str) -> int:
         """Return the address of a callback of the C side, such as ``uuv_log_fmi2``."""
         return ctypes.cast(getattr(self._c, callback), ctypes.c_void_p).value or 0
+
+    def name(self, path: str, component: int | None = None) -> None:
+        """Set the name and the address of the instance, which FMI 1.0 gives to its logger."""
+        self._c.uuv_log_name(self.environment, path.encode(), component)
 
     def drain(self) -> int:
         """Fetch the messages that have been written; return their number."""
@@ -93,7 +98,10 @@ class MessageLog:
         return "; ".join(" ".join(text.split()) for text in (severe or texts)[-3:])
 
     def _keep(self, status: str, category: str, text: str) -> None:
-        """Store a message, with variables' names instead of FMI 2.0's references (``#r5#``)."""
+        """Store a message, with variables' names instead of references such as ``#r5#``.
+
+        FMI 1.0 and 2.0 have such references.
+        """
 
         def name(match: re.Match[str]) -> str:
             return self._variable_named(match[1], int(match[2])) or match[0]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Literal, get_args
@@ -16,6 +16,7 @@ from uuvsim_cosim.fmus.description_xml import Source, flag, read_units
 from uuvsim_cosim.fmus.importer.archive import shown, unpack
 from uuvsim_cosim.fmus.importer.safe_xml import read_xml
 from uuvsim_cosim.fmus.importer.source_code import Sources, read_sources
+from uuvsim_cosim.fmus.importer.variables_fmi1 import read_variables_fmi1
 from uuvsim_cosim.fmus.importer.variables_fmi2 import read_variables_fmi2
 from uuvsim_cosim.fmus.importer.variables_fmi3 import read_variables_fmi3
 from uuvsim_cosim.fmus.pairs import MADE_FOR, PEERS, read_pairs
@@ -24,6 +25,8 @@ from uuvsim_cosim.fmus.values import checked_start, parse_value
 __all__ = ["FmuArchive", "read_description", "read_fmu"]
 
 Interface = Literal["CoSimulation", "ModelExchange"]
+_Kind = Literal["FMI 1.0", "FMI 2.0", "FMI 3.0"]
+_Reader = Callable[[Source, Element], tuple[dict[str, Variable], dict[str, Mapping[int, str]]]]
 _INTERFACES: tuple[Interface, ...] = get_args(Interface)  # the first that an FMU has is used
 LIBRARY_SUFFIXES = (".so", ".dll", ".dylib", ".wasm")
 
@@ -43,17 +46,19 @@ class FmuArchive:
     interface: Interface = "CoSimulation"  # the one that is used
     interfaces: tuple[Interface, ...] = ("CoSimulation",)  # those that the FMU has
     adjoint_derivatives: bool = False  # of FMI 3.0; not used here
-    n_states: int = 0  # of an FMI 2.0 Model Exchange FMU; FMI 3.0 has functions for them
+    n_states: int = 0  # of a Model Exchange FMU; FMI 3.0 has functions for them
     n_event_indicators: int = 0
     tolerance: float = 1e-6  # relative, of the integrator of a Model Exchange FMU
     sources: Sources | None = None  # compiled if there is no binary
     structure: Mapping[str, object] = field(default_factory=dict)  # structural parameters, as set
+    remarks: tuple[str, ...] = ()  # properties that differ from FMI, which each run reports
 
 
 def read_description(path: Path) -> Description:
     """Read the description of the .fmu at `path`: variables with units, and capabilities.
 
-    Raises FmuError for an archive that cannot be read, and for FMI versions other than 2.0 and 3.0.
+    Raises FmuError for an archive that cannot be read, and for FMI versions other than 1.0, 2.0 and
+    3.0.
 
     Example:
 
@@ -74,8 +79,8 @@ def read_fmu(
     `interface` is CoSimulation or ModelExchange; by default Co-Simulation if the FMU has both.
     `structure` are values of structural parameters, as text or as numbers; each instance gets
     them in Configuration Mode, and the shapes of arrays result from them. Raises FmuError
-    for an archive that cannot be read, for FMI versions other than 2.0 and 3.0, and for an FMU
-    without that interface; ParameterInvalid for a structural parameter that does not exist.
+    for an archive that cannot be read, for FMI versions other than 1.0, 2.0 and 3.0, and for an
+    FMU without that interface; ParameterInvalid for a structural parameter that does not exist.
     """
     folder = unpack(path)
     source = Source(f"{shown(path)}/modelDescription.xml")
@@ -83,10 +88,13 @@ def read_fmu(
     if root.tag != "fmiModelDescription":
         raise source.fault("the document", f"<{root.tag}>", "<fmiModelDescription>")
     text = root.get("fmiVersion", "")
-    version = next((v for v in ("2.0", "3.0") if text == v or text.startswith(f"{v}.")), None)
+    version = next((v for v in _READERS if text == v or text.startswith(f"{v}.")), None)
     if version is None:
-        raise source.fault("fmiVersion", f"{text!r}", "an FMU of FMI 2.0 or 3.0")
-    there = {i: e for i in _INTERFACES if (e := root.find(i)) is not None}
+        raise source.fault("fmiVersion", f"{text!r}", "an FMU of FMI 1.0, 2.0 or 3.0")
+    if version == "1.0":
+        there = _interfaces_fmi1(root, path)
+    else:
+        there = {i: e for i in _INTERFACES if (e := root.find(i)) is not None}
     chosen = next((i for i in there if interface in (None, i)), None)
     if chosen is None and interface is not None:
         raise FmuError(shown(path), f"has no {interface}", f"one of {', '.join(there) or 'none'}")
@@ -95,7 +103,7 @@ def read_fmu(
         only = "ScheduledExecution" if scheduled else "nothing that FMI knows"
         raise FmuError(shown(path), f"is for {only} only", "Co-Simulation or Model Exchange")
     element = there[chosen]
-    read = read_variables_fmi2 if version == "2.0" else read_variables_fmi3
+    kind, read, token = _READERS[version]
     variables, enumerations = read(source, root)
     given: dict[str, object] = {}
     for name, value in (structure or {}).items():
@@ -122,11 +130,9 @@ def read_fmu(
 
     description = Description(
         name=source.required(root, "modelName", "the document"),
-        kind="FMI 2.0" if version == "2.0" else "FMI 3.0",
+        kind=kind,
         variables=variables,
-        token=source.required(
-            root, "guid" if version == "2.0" else "instantiationToken", "the document"
-        ),
+        token=source.required(root, token, "the document"),
         description=root.get("description", ""),
         generation_tool=root.get("generationTool", ""),
         units=read_units(source, root),
@@ -134,6 +140,8 @@ def read_fmu(
         can_get_and_set_state=flag(element, "canGetAndSetFMUstate", "canGetAndSetFMUState"),
         can_serialize_state=flag(element, "canSerializeFMUstate", "canSerializeFMUState"),
         can_be_instantiated_only_once=flag(element, "canBeInstantiatedOnlyOncePerProcess"),
+        can_handle_variable_step=chosen == "ModelExchange"  # this package's solver ends anywhere
+        or flag(element, "canHandleVariableCommunicationStepSize"),
         provides_directional_derivatives=flag(
             element, "providesDirectionalDerivative", "providesDirectionalDerivatives"
         ),
@@ -141,7 +149,14 @@ def read_fmu(
         made_for=read_pairs(MADE_FOR, folder),
         peers=read_pairs(PEERS, folder),
     )
-    identifier = source.required(element, "modelIdentifier", chosen)
+    if version == "1.0":
+        identifier = source.required(root, "modelIdentifier", "the document")
+        n_states = source.natural(
+            root.get("numberOfContinuousStates"), "numberOfContinuousStates", "the document"
+        )
+    else:
+        identifier = source.required(element, "modelIdentifier", chosen)
+        n_states = len(root.findall("ModelStructure/Derivatives/Unknown"))
     libraries = {identifier + suffix for suffix in LIBRARY_SUFFIXES}
     platforms = {p.parent.name for p in folder.glob("binaries/*/*") if p.name in libraries}
     return FmuArchive(
@@ -157,14 +172,44 @@ def read_fmu(
         interfaces=tuple(there),
         adjoint_derivatives=element.get("providesAdjointDerivatives", "false").strip()
         in ("true", "1"),
-        n_states=len(root.findall("ModelStructure/Derivatives/Unknown")),
+        n_states=n_states,
         n_event_indicators=source.natural(
             root.get("numberOfEventIndicators", "0"), "numberOfEventIndicators", "the document"
         ),
         tolerance=of_experiment("tolerance") or 1e-6,
         sources=read_sources(folder, element, identifier, shown(path)),
         structure=given,
+        remarks=tuple(source.remarks),
     )
+
+
+# By version: the name, the reader of the variables, and the attribute with the token.
+_READERS: Mapping[str, tuple[_Kind, _Reader, str]] = {
+    "1.0": ("FMI 1.0", read_variables_fmi1, "guid"),
+    "2.0": ("FMI 2.0", read_variables_fmi2, "guid"),
+    "3.0": ("FMI 3.0", read_variables_fmi3, "instantiationToken"),
+}
+
+
+def _interfaces_fmi1(root: Element, path: Path) -> dict[Interface, Element]:
+    """Return the one interface of an FMU of FMI 1.0, and the element with its capabilities."""
+    implementation = root.find("Implementation")
+    if implementation is None:
+        return {"ModelExchange": Element("ModelExchange")}
+    tool = implementation.find("CoSimulation_Tool")
+    if tool is not None:
+        model = tool.find("Model")
+        type_, entry = (
+            ("", "") if model is None else (model.get("type", ""), model.get("entryPoint", ""))
+        )
+        raise FmuError(
+            shown(path),
+            f"CoSimulation_Tool: the model {entry!r} of type {type_!r} is run by the tool that "
+            "exported the FMU, not by the FMU",
+            "CoSimulation_StandAlone: export the FMU again with its solver inside",
+        )
+    capabilities = implementation.find("CoSimulation_StandAlone/Capabilities")
+    return {"CoSimulation": Element("CoSimulation") if capabilities is None else capabilities}
 
 
 def _restructure(

@@ -14,9 +14,9 @@ from uuvsim_cosim.fmus.description import Variable, VariableType
 from uuvsim_cosim.fmus.description_xml import DTYPES, SimpleType, Source
 from uuvsim_cosim.models.declaration.element_names import split_element_name
 
-__all__ = ["fold", "read_variables_fmi2"]
+__all__ = ["TYPES", "fold", "read_variables_fmi2"]
 
-_TYPES: Mapping[str, VariableType] = {
+TYPES: Mapping[str, VariableType] = {
     "Real": "Float64",
     "Integer": "Int32",
     "Boolean": "Boolean",
@@ -41,11 +41,11 @@ def read_variables_fmi2(
     for element in root.iterfind("ModelVariables/ScalarVariable"):
         name = source.required(element, "name", "a variable")
         where = f"variable {name!r}"
-        inner = next((e for e in element if e.tag in _TYPES), None)
+        inner = next((e for e in element if e.tag in TYPES), None)
         if inner is None:
-            raise source.fault(where, "no type", f"one of {', '.join(_TYPES)}")
+            raise source.fault(where, "no type", f"one of {', '.join(TYPES)}")
         declared, attributes = source.declared(inner, types, where)
-        type_, start = _TYPES[inner.tag], attributes.get("start")
+        type_, start = TYPES[inner.tag], attributes.get("start")
         scalar = source.variable(
             element,
             attributes,
@@ -74,8 +74,8 @@ def fold(scalars: Sequence[Variable]) -> dict[str, Variable]:
     """Return variables by name, in the order of their first elements.
 
     A group is folded if its indices run from 1 to n without a gap (row by row for matrices),
-    if all its elements have the same type, causality and variability, and if no scalar has its
-    name; otherwise its elements stay scalars. Units of elements may differ. Dependencies are
+    if all its elements have the same type, causality, variability and sign, and if no scalar has
+    its name; otherwise its elements stay scalars. Units of elements may differ. Dependencies are
     renamed to those of the arrays.
     """
     groups: dict[str, dict[tuple[int, ...], Variable]] = {}
@@ -93,7 +93,8 @@ def fold(scalars: Sequence[Variable]) -> dict[str, Variable]:
             and math.prod(shape) == len(elements)
             and min(min(indices) for indices in elements) == 1
         )
-        alike = len({(v.type, v.causality, v.variability) for v in elements.values()}) == 1
+        kinds = {(v.type, v.causality, v.variability, v.negated) for v in elements.values()}
+        alike = len(kinds) == 1
         if name not in scalar_names and complete and alike:
             arrays[name] = _array(name, shape, elements)
             folded_name.update({v.name: name for v in elements.values()})
@@ -140,6 +141,7 @@ def _array(
         max=max(highs) if len(highs) == len(ordered) else None,
         description=first.description if len(descriptions) == 1 else "",
         initial=first.initial,
+        negated=first.negated,
         value_references=tuple(r for v in ordered for r in v.value_references[:1]),
         dependencies=(
             tuple(dict.fromkeys(d for each in dependencies for d in each))

@@ -8,12 +8,11 @@ from pathlib import Path
 from typing import Literal
 
 from uuvsim_cosim.fmus.component import Component
-from uuvsim_cosim.fmus.importer.fmu2 import Fmu2
-from uuvsim_cosim.fmus.importer.fmu3 import Fmu3
 from uuvsim_cosim.fmus.importer.fmu_binary import lives_here
 from uuvsim_cosim.fmus.importer.fmu_library import library_of
 from uuvsim_cosim.fmus.importer.message_log import logger_library
 from uuvsim_cosim.fmus.importer.read_description import FmuArchive, read_fmu
+from uuvsim_cosim.fmus.importer.versions import version_of
 from uuvsim_cosim.fmus.isolation.confinement import rules_of
 from uuvsim_cosim.fmus.isolation.grants import Grants
 from uuvsim_cosim.fmus.isolation.guard import guard_library
@@ -142,8 +141,7 @@ def instantiate_here(archive: FmuArchive, path: str, logging_on: bool = True) ->
     """Instantiate an FMU in this process; as WebAssembly if it has nothing else."""
     if only_web_assembly(archive):
         return instantiate_sandboxed(archive, path, logging_on=logging_on)
-    version = Fmu2 if archive.description.kind == "FMI 2.0" else Fmu3
-    fmu = version(archive, path, logging_on=logging_on)
+    fmu = version_of(archive)(archive, path, logging_on=logging_on)
     return ModelExchange(fmu) if archive.interface == "ModelExchange" else fmu
 
 

@@ -13,10 +13,9 @@ from typing import final
 from uuvsim_cosim.errors import ComponentFailed, FmuError
 from uuvsim_cosim.fmus.component import Binding, BindingKind
 from uuvsim_cosim.fmus.description import Variable
-from uuvsim_cosim.fmus.importer.fmu2 import Fmu2
-from uuvsim_cosim.fmus.importer.fmu3 import Fmu3
 from uuvsim_cosim.fmus.importer.fmu_binary import FmuState, Phase
-from uuvsim_cosim.fmus.model_exchange.calls import Calls, Calls2, Calls3
+from uuvsim_cosim.fmus.importer.versions import AnyFmu
+from uuvsim_cosim.fmus.model_exchange.calls import Calls, calls_of
 from uuvsim_cosim.fmus.model_exchange.solver import Solver
 
 __all__ = ["ModelExchange"]
@@ -31,7 +30,7 @@ _State = tuple[FmuState, float]
 class ModelExchange:
     """The `Component` protocol over an FMU that computes derivatives instead of steps."""
 
-    def __init__(self, fmu: Fmu2 | Fmu3) -> None:
+    def __init__(self, fmu: AnyFmu) -> None:
         self.path = fmu.path
         self.description = fmu.description
         self.messages = fmu.messages
@@ -61,7 +60,7 @@ class ModelExchange:
     def exit_initialization_mode(self) -> None:
         """Leave Initialization Mode, which ends in Event Mode; stepping may begin."""
         self._fmu.exit_initialization_mode()
-        self._calls = Calls2(self._fmu) if isinstance(self._fmu, Fmu2) else Calls3(self._fmu)
+        self._calls = calls_of(self._fmu)
         self._solver = None
         self._iterate_event(self._fmu.time)
 

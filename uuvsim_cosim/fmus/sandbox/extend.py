@@ -21,14 +21,17 @@ def add_web_assembly(fmu: Path, target: Path) -> Path:
     """Write a copy of an FMI 3.0 FMU with a component of its C sources; return its path.
 
     `target` is a folder, or a file that ends in .fmu. Raises FmuError for an FMU without plain C
-    sources or of FMI 2.0, and for sources that do not compile to WebAssembly.
+    sources or of another version, and for sources that do not compile to WebAssembly.
     """
     archive = read_fmu(fmu)
     file = target if target.suffix == ".fmu" else target / fmu.name
     if file.resolve() == fmu.resolve():
         raise InputInvalid(file, "the FMU itself", "another file or folder to write")
     if archive.description.kind != "FMI 3.0":
-        raise FmuError(fmu, "FMI 2.0, for which the layered standard has no WebAssembly", "FMI 3.0")
+        version = archive.description.kind
+        raise FmuError(
+            fmu, f"{version}, for which the layered standard has no WebAssembly", "FMI 3.0"
+        )
     if archive.sources is None:
         raise FmuError(fmu, "no C sources that are listed", "an FMU with C sources")
     given = compilation_of(fmu, archive.folder, archive.sources)

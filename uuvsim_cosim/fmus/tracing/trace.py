@@ -19,11 +19,10 @@ from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.fmus.codegen.toolchain import Signatures
 from uuvsim_cosim.fmus.component import Component
 from uuvsim_cosim.fmus.description import Description
-from uuvsim_cosim.fmus.importer.fmu2 import Fmu2
-from uuvsim_cosim.fmus.importer.fmu3 import Fmu3
 from uuvsim_cosim.fmus.importer.fmu_library import FmuLibrary
 from uuvsim_cosim.fmus.importer.message_log import STATUS
 from uuvsim_cosim.fmus.importer.read_description import FmuArchive
+from uuvsim_cosim.fmus.importer.versions import version_of
 from uuvsim_cosim.fmus.instantiation.instantiate import needs_own_process
 from uuvsim_cosim.fmus.model_exchange.component import ModelExchange
 
@@ -74,8 +73,7 @@ def instantiate_traced(archive: FmuArchive, path: str, trace: Trace) -> Componen
             f"{archive.path.name} needs a separate process here, whose calls cannot be traced",
             "one instance of it",
         )
-    version = Fmu2 if archive.description.kind == "FMI 2.0" else Fmu3
-    fmu = version(archive, path, library=partial(_TracedLibrary, trace, path))
+    fmu = version_of(archive)(archive, path, library=partial(_TracedLibrary, trace, path))
     return ModelExchange(fmu) if archive.interface == "ModelExchange" else fmu
 
 
@@ -132,7 +130,8 @@ def _line(*cells: str) -> str:
     return text.getvalue()
 
 
-_TYPES_2 = {"Real": ctypes.c_double, "Integer": ctypes.c_int, "Boolean": ctypes.c_int}
+_TYPES_1 = {"Real": ctypes.c_double, "Integer": ctypes.c_int, "Boolean": ctypes.c_int8}
+_TYPES_2 = {**_TYPES_1, "Boolean": ctypes.c_int}
 _TYPES_3 = {
     "Float64": ctypes.c_double, "Float32": ctypes.c_float, "Boolean": ctypes.c_bool,
     "Int8": ctypes.c_int8, "Int16": ctypes.c_int16, "Int32": ctypes.c_int32,
@@ -148,10 +147,11 @@ class Arguments:
     """The arguments of calls of one FMU as text."""
 
     def __init__(self, description: Description) -> None:
-        self._types: Mapping[str, type] = _TYPES_2 if description.kind == "FMI 2.0" else _TYPES_3
+        of_version = {"FMI 1.0": _TYPES_1, "FMI 2.0": _TYPES_2, "FMI 3.0": _TYPES_3}
+        self._types: Mapping[str, type] = of_version[description.kind]
         self._names: dict[tuple[str, int], str] = {}
         for v in description.variables.values():
-            family = _FAMILY.get(v.type, v.type) if description.kind == "FMI 2.0" else ""
+            family = "" if self._types is _TYPES_3 else _FAMILY.get(v.type, v.type)
             for i, reference in enumerate(v.value_references):
                 name = v.element_name(i) if len(v.value_references) > 1 else v.name
                 self._names.setdefault((family, reference), name)  # the first of several aliases
@@ -161,7 +161,7 @@ class Arguments:
         verb, suffix = function[:3], function[3:]
         if verb in ("Get", "Set") and (suffix in self._types or suffix in ("String", "Binary")):
             references = list(given[1])
-            family = suffix if self._types is _TYPES_2 else ""
+            family = "" if self._types is _TYPES_3 else suffix
             names = [self._names.get((family, r), f"#{r}") for r in references]
             if suffix == "Binary":
                 values = [f"{n} bytes" for n in given[3]]

@@ -181,6 +181,9 @@ def fused_of(plan: Plan, cells_a_word: int = 1) -> Fused:
         raise SystemInvalid(problems)
     declarations = {text: (s, outline_of(s)) for text, s in sources_of_plan.items()}
     found = {text: outline for text, (_, outline) in declarations.items()}
+    if plan.variable is not None:
+        read = f"of variable length ({plan.variable.step.text()})"
+        problems.append(Problem("communication step", read, "a fixed step, which kernels have"))
     if plan.start:
         start = f"{float(plan.start):g} s"
         problems.append(Problem("start time", start, "0 s, where a kernel begins"))

@@ -16,6 +16,7 @@ class Box:
     yaw: float = 0.0  # rad, from N towards E
     name: str = ""
     friction: float | None = None  # of steel on it; None: that of the contact
+    material: str = ""  # that a sonar meets, of models/materials.yaml
 
 
 @dataclass(frozen=True)
@@ -26,6 +27,7 @@ class Sphere:
     radius: float  # m
     name: str = ""
     friction: float | None = None  # of steel on it; None: that of the contact
+    material: str = ""  # that a sonar meets, of models/materials.yaml
 
 
 @dataclass(frozen=True)
@@ -37,6 +39,7 @@ class Capsule:
     radius: float  # m
     name: str = ""
     friction: float | None = None  # of steel on it; None: that of the contact
+    material: str = ""  # that a sonar meets, of models/materials.yaml
 
 
 @dataclass(frozen=True)
@@ -48,6 +51,7 @@ class Cylinder:
     half_height: float  # m
     name: str = ""
     friction: float | None = None  # of steel on it; None: that of the contact
+    material: str = ""  # that a sonar meets, of models/materials.yaml
 
 
 Obstacle = Box | Sphere | Capsule | Cylinder

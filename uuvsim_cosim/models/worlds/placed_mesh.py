@@ -48,7 +48,7 @@ class PlacedMesh:
     unit: str = "m"  # of the file's numbers
     scale: float = 1.0  # their factor
     axes: str = "NED"  # directions of the file's x, y, z before they are turned
-    material: str = ""  # kept for a sensor that reads it; none does yet
+    material: str = ""  # that a sonar meets, of models/materials.yaml
     name: str = ""
     contact: bool = True  # whether a hull touches it; where not, it passes through
     open_edges: int = 0  # that belong to an odd number of triangles; 0: a closed surface

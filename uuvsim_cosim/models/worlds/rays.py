@@ -25,7 +25,17 @@ from uuvsim_cosim.models.intrinsics.network import registered
 from uuvsim_cosim.models.worlds.ground import Ground, ground_named
 from uuvsim_cosim.models.worlds.ray_reference import first_hit
 
-__all__ = ["FRAME_HEAD", "MOVERS", "MOVING", "Frame", "Rays", "declare_others", "frame", "rays"]
+__all__ = [
+    "FRAME_HEAD",
+    "MOVERS",
+    "MOVING",
+    "Frame",
+    "Rays",
+    "declare_others",
+    "frame",
+    "moving_solids",
+    "rays",
+]
 
 Array = NDArray[np.float64]
 MOVING = 10  # numbers of a moving capsule: UUV_MOVING
@@ -65,7 +75,7 @@ class Rays:
         return self._each(x)[1]
 
     def _each(self, x: Array) -> tuple[Array, Array]:
-        solids = _solids(x[4 : 4 + MOVING * self.n_moving])
+        solids = moving_solids(x[4 : 4 + MOVING * self.n_moving])
         first = 4 + MOVING * self.n_moving
         y, J = np.zeros(self.n_out), np.zeros((self.n_out, self.n_in))
         for i, d in enumerate(x[first:].reshape(-1, 3)):
@@ -101,7 +111,7 @@ class Frame:
     def __call__(self, x: Array) -> Array:
         """Return the readings, and how many there are."""
         end = FRAME_HEAD + MOVING * self.n_moving
-        solids, R = _solids(x[FRAME_HEAD:end]), x[3:12].reshape(3, 3)
+        solids, R = moving_solids(x[FRAME_HEAD:end]), x[3:12].reshape(3, 3)
         sigma, relative, bias, low, high, least, lost = x[12:FRAME_HEAD]
         y = np.zeros(self.n_out)
         for i, (a, w) in enumerate(zip(self.directions, x[end:], strict=True)):
@@ -135,7 +145,7 @@ def _name(kind: str, ground: Ground, *shape: object) -> str:
     return f"{kind}_{digest}"
 
 
-def _solids(x: Array) -> Array:
+def moving_solids(x: Array) -> Array:
     """Return the moving as rows of solids; those of no radius are left out."""
     rows = [
         [2.0, *m[:7], 0.0, float(np.linalg.norm(m[3:6])) + m[6]]

@@ -114,7 +114,7 @@ def load_scene(scene: str | Path) -> Scene:
             str(name): tuple(float(v) for v in value)
             if isinstance(value, list)
             else str(value)
-            if name == "name"
+            if name in ("name", "material")
             else float(value)
             for name, value in given.items()
         }

@@ -19,6 +19,8 @@ from uuvsim_cosim.orchestrator.master.core_library import (
     Coupling,
     Failure,
     Outcome,
+    StepControl,
+    StepCounts,
     Type,
     library,
 )
@@ -107,6 +109,10 @@ class Core:
             self._core, member, a.action, a.type, a.slot, a.n_values, n, references, a.function
         )
 
+    def negate(self, member: int, slot: int) -> None:
+        """Let a slot of an FMU of FMI 1.0 have the value with the opposite sign."""
+        self._c.uuv_core_negate(self._core, member, slot)
+
     def in_place(
         self,
         member: int,
@@ -158,6 +164,38 @@ class Core:
     ) -> None:
         """Make an iterated group of consecutive members."""
         self._c.uuv_core_iterate(self._core, first, n_members, solver, tolerance, limit)
+
+    def vary(self, control: StepControl) -> None:
+        """Give the members with a step of one tick a step of variable length, after `member`."""
+        self._c.uuv_core_vary(self._core, ctypes.byref(control))
+
+    def extrapolate(self, slot: int) -> None:
+        """Extrapolate an output over each step; before the connections that are judged."""
+        self._c.uuv_core_extrapolate(self._core, slot)
+
+    def judge(
+        self,
+        slots: tuple[int, int],
+        conversion: tuple[float, float],
+        absolute: float,
+        relative: float,
+    ) -> None:
+        """Choose the step by the error of a connection; `slots` are (target's, source's)."""
+        self._c.uuv_core_judge(self._core, *slots, *conversion, absolute, relative)
+
+    def bond(self, slots: Sequence[int]) -> None:
+        """Choose it by a power bond too: input and output of one side, then of the other."""
+        self._c.uuv_core_bond(self._core, *slots)
+
+    def horizon(self, tick: int) -> None:
+        """Let no step of variable length go beyond a communication point, until it is reached."""
+        self._c.uuv_core_horizon(self._core, tick)
+
+    def step_counts(self) -> StepCounts:
+        """Return how many steps of variable length were made, and how long they were."""
+        counts = StepCounts()
+        self._c.uuv_core_step_counts(self._core, ctypes.byref(counts))
+        return counts
 
     def fault(
         self, number: int, member: int, slot: int, kind: int, value: float, n: int, seed: int

@@ -18,8 +18,8 @@ from uuvsim_cosim.content import content
 from uuvsim_cosim.errors import UuvsimError
 from uuvsim_cosim.fmus.description import Variable
 
-__all__ = ["Action", "Coupling", "Failure", "Outcome", "Type", "by_type", "decode", "encode",
-           "library", "read_blob", "write_blob"]  # fmt: skip
+__all__ = ["Action", "Coupling", "Failure", "Outcome", "StepControl", "StepCounts", "Type",
+           "by_type", "decode", "encode", "library", "read_blob", "write_blob"]  # fmt: skip
 
 
 class Type(IntEnum):
@@ -70,6 +70,7 @@ class Outcome(IntEnum):
     EARLY_RETURN = 6
     NO_MEMORY = 7
     NOT_CONVERGED = 8
+    NOT_RESTORED = 9
 
 
 class Action(IntEnum):
@@ -105,6 +106,33 @@ class Coupling(ctypes.Structure):
         ("relative", ctypes.c_double),
         ("residual", ctypes.c_double),
         ("tick", ctypes.c_uint64),
+    )
+
+
+class StepControl(ctypes.Structure):
+    """Settings of a variable communication step, lengths in ticks (uuv_core.h)."""
+
+    _fields_ = (
+        *((name, ctypes.c_uint64) for name in ("smallest", "largest", "first")),
+        *(
+            (name, ctypes.c_double)
+            for name in ("absolute", "relative", "safety", "slowest", "fastest")
+        ),
+        *((name, ctypes.c_double) for name in ("proportional", "integral")),
+        *((name, ctypes.c_uint32) for name in ("order", "rollback")),
+    )
+
+
+class StepCounts(ctypes.Structure):
+    """Steps of variable length that were made and repeated, and their lengths in ticks."""
+
+    _fields_ = (
+        *(
+            (name, ctypes.c_uint64)
+            for name in ("steps", "rejected", "unsatisfied", "least", "most")
+        ),
+        ("worst", ctypes.c_double),
+        ("worst_tick", ctypes.c_uint64),
     )
 
 
@@ -146,6 +174,7 @@ def library() -> ctypes.CDLL:
         "uuv_core_name": (None, [pointer, u32, ctypes.c_char_p]),
         "uuv_core_guard": (None, [pointer, pointer, pointer]),
         "uuv_core_access": (i, [pointer, u32, i, i, u32, u32, u32, pointer, pointer]),
+        "uuv_core_negate": (i, [pointer, u32, u32]),
         "uuv_core_in_place": (i, [pointer, u32, pointer, pointer, pointer, pointer, pointer]),
         "uuv_core_transfer": (i, [pointer, u32, u32, u32, u32, i, double, double, u32, pointer]),
         "uuv_core_state": (i, [pointer, u32, pointer, pointer, pointer, size]),
@@ -173,6 +202,12 @@ def library() -> ctypes.CDLL:
         "uuv_core_rows_used": (u32, [pointer]),
         "uuv_core_texts": (u64, [pointer]),
         "uuv_core_text": (pointer, [pointer, u64, pointer]),
+        "uuv_core_vary": (i, [pointer, pointer]),
+        "uuv_core_extrapolate": (i, [pointer, u32]),
+        "uuv_core_judge": (i, [pointer, u32, u32, double, double, double, double]),
+        "uuv_core_bond": (i, [pointer, u32, u32, u32, u32]),
+        "uuv_core_horizon": (None, [pointer, u64]),
+        "uuv_core_step_counts": (None, [pointer, pointer]),
         "uuv_core_begin": (i32, [pointer, u64]),
         "uuv_core_run": (i32, [pointer, u64, double]),
         "uuv_core_accept_step": (i32, [pointer, u32]),
@@ -198,7 +233,8 @@ def library() -> ctypes.CDLL:
         function = getattr(c, name)
         function.restype, function.argtypes = result, arguments
     # Functions that allocate memory return 0 if there is none.
-    for name in ("access", "in_place", "transfer", "state", "iterate", "fault", "record"):
+    for name in ("access", "in_place", "transfer", "state", "iterate", "fault", "record",
+                 "vary", "extrapolate", "judge", "bond"):  # fmt: skip
         getattr(c, f"uuv_core_{name}").errcheck = check_memory
     return c
 

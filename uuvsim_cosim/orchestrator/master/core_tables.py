@@ -18,9 +18,15 @@ from uuvsim_cosim.fmus.description import Variable
 from uuvsim_cosim.fmus.isolation.isolated import Isolated
 from uuvsim_cosim.orchestrator.master.callback import CallbackBinding, component_binding
 from uuvsim_cosim.orchestrator.master.core import Access, Core
-from uuvsim_cosim.orchestrator.master.core_library import Action, Type, by_type, encode
+from uuvsim_cosim.orchestrator.master.core_library import (
+    Action,
+    StepControl,
+    Type,
+    by_type,
+    encode,
+)
 from uuvsim_cosim.orchestrator.master.shared import Serve, SharedBinding, shared_binding
-from uuvsim_cosim.orchestrator.plan.plan import Plan
+from uuvsim_cosim.orchestrator.plan.plan import Plan, PlannedComponent, PlannedVariableStep
 from uuvsim_cosim.orchestrator.system.elements import Solver
 from uuvsim_cosim.orchestrator.values.values import conversion
 
@@ -149,6 +155,10 @@ def tables_of(
         for action, own in ((Action.SET, set_[member]), (Action.GET, got[member])):
             for access in _accesses(b, action, own, components[i].path):
                 core.access(member, access)
+        if b.kind == BindingKind.FMI1:
+            for placed in (*set_[member], *got[member]):
+                for slot in placed.slots if placed.variable.negated else ():
+                    core.negate(member, slot)
         if "DoSteps" in b.functions:  # a component of this package
             offsets = [i for p in (*set_[member], *got[member]) for i in _offsets(p.variable)]
             bounds = [x for p in set_[member] for x in [_bounds(b, p.variable)] * p.variable.size]
@@ -170,12 +180,15 @@ def tables_of(
             solver = get_args(Solver).index(group.solver)
             core.iterate(first, size, solver, group.tolerance, group.limit)
         first += size
+    if plan.variable is not None:
+        _vary(plan.variable, tables, components)
     if recorded:
         columns = [outputs.get((i, v.name)) or inputs[i, v.name] for i, v in recorded]
         core.record([slot for placed in columns for slot in placed.slots], every, n_rows)
     return tables
 
 
+_FMI = {BindingKind.FMI1: "fmi", BindingKind.FMI2: "fmi2", BindingKind.FMI3: "fmi3"}
 _Exchanged = Iterator[tuple[int, int, Iterable[Variable]]]  # member, component, variables
 
 
@@ -233,7 +246,7 @@ def _accesses(b: Binding, action: Action, placed: Sequence[Placed], path: str) -
         of = _offsets if b.kind == BindingKind.NATIVE else lambda v: v.value_references
         references = [reference for p in run for reference in of(p.variable)]
         function = 0
-        if b.kind in (BindingKind.FMI2, BindingKind.FMI3):
+        if b.kind in _FMI:
             function = _function(b, fmi_name(b.kind, action, type_), path)
         yield Access(action, type_, run[0].slot, count, tuple(references), function)
 
@@ -265,7 +278,7 @@ def fmi_name(kind: BindingKind, action: Action, type_: Type) -> str:
 
 def _function(b: Binding, name: str, path: str) -> int:
     if name not in b.functions:
-        prefix = {BindingKind.FMI2: "fmi2", BindingKind.FMI3: "fmi3"}.get(b.kind, "")
+        prefix = _FMI.get(b.kind, "")
         raise FmuError(path, f"its binary has no function {prefix}{name}", "one")
     return b.functions[name]
 
@@ -292,11 +305,51 @@ def _add_transfers(plan: Plan, tables: Tables) -> None:
             core.transfer(target.member, source.member, slots, early, (t.factor, t.offset), t.table)
             unit = t.target_variable.unit_of_element(b)
             if unit not in turns:
-                units = plan.components[t.target].description.units
-                of_angle = conversion("rad", unit, units) if unit else None
-                turns[unit] = 2.0 * math.pi * of_angle[0] if of_angle else 0.0
+                turns[unit] = _turn(unit, plan.components[t.target])
             if turns[unit]:
                 core.angle(slots[0], turns[unit])
+
+
+def _turn(unit: str | None, component: PlannedComponent) -> float:
+    """Return a full turn in a unit of angles, 0 in another unit."""
+    of_angle = conversion("rad", unit, component.description.units) if unit else None
+    return 2.0 * math.pi * of_angle[0] if of_angle else 0.0
+
+
+def _vary(variable: PlannedVariableStep, tables: Tables, components: Sequence[Component]) -> None:
+    """Let the loop choose the step's length, from what it is to judge."""
+    plan, core, step = tables.plan, tables.core, variable.step
+    proportional, integral = step.gains
+    core.vary(
+        StepControl(
+            smallest=variable.smallest, largest=variable.largest, first=variable.first,
+            absolute=step.absolute, relative=step.relative, safety=step.safety,
+            slowest=step.slowest, fastest=step.fastest, proportional=proportional,
+            integral=integral, order=step.order, rollback=step.rollback,
+        )
+    )  # fmt: skip
+    extrapolated: dict[int, None] = {}
+    for t in (plan.transfers[n] for n in variable.extrapolated):
+        first = tables.outputs[t.source, t.source_variable.name].slot
+        for a, b in zip(t.source_elements, t.target_elements, strict=True):
+            unit = t.target_variable.unit_of_element(b)
+            if not _turn(unit, plan.components[t.target]):  # an angle jumps by a turn: it is held
+                extrapolated[first + a] = None
+    for slot in extrapolated:
+        core.extrapolate(slot)
+    for n, absolute, relative in variable.judged:
+        t = plan.transfers[n]
+        source = tables.outputs[t.source, t.source_variable.name].slot
+        target = tables.inputs[t.target, t.target_variable.name].slot
+        for a, b in zip(t.source_elements, t.target_elements, strict=True):
+            slots = target + b, source + a
+            core.judge(slots, (t.factor, t.offset), absolute, relative)
+    for bond in variable.bonds:
+        sides = zip((tables.inputs, tables.outputs) * 2, bond.ends, strict=True)
+        core.bond([placed[i, name].slot + element for placed, (i, name, element) in sides])
+    if step.rollback:
+        for member, i in enumerate(tables.order):
+            core.state(member, *_state_functions(tables.bindings[member], components[i]))
 
 
 def _state_functions(b: Binding, component: Component) -> tuple[int, int, int, int]:

@@ -118,6 +118,14 @@ def _reason(failure: Failure, tables: Tables, component: Component) -> str:
                 )
         exactly = " exactly" if placed.variable.type.startswith("Float") else ""
         return f"the value connected to input {name} does not fit {placed.variable.type}{exactly}"
+    if outcome == Outcome.NOT_RESTORED:
+        placed, element = tables.placed_at(failure.slot % tables.core.slots.size)
+        name = placed.variable.element_name(element)
+        return (
+            f"its state was restored before a step of variable length was repeated, and output "
+            f"{name} has another value than before the step; expected a component that restores "
+            "its whole state, or rollback=no"
+        )
     if outcome == Outcome.ENDED:
         return "it asks to end the simulation"
     if outcome == Outcome.EARLY_RETURN:

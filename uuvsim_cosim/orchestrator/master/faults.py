@@ -140,6 +140,12 @@ class Faults:
         bad |= fault.kind in ("override", "bias") and not (
             is_float or float(fault.value) == fault.value == int(fault.value)
         )
+        if plan.variable is not None and fault.kind in ("delay", "drop"):
+            raise InputInvalid(
+                fault.signal,
+                f"fault {fault.kind!r}, with a variable communication step",
+                "override, bias, scale or freeze, or a fixed step: it counts samples",
+            )
         n = 1  # past samples that the fault keeps
         if fault.kind == "delay" and not bad:
             step = plan.components[self._tables.order[placed.member]].step_ticks * plan.tick

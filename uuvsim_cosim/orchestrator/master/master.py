@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import ctypes
 import logging
-from collections.abc import Callable, Sequence
+from bisect import bisect_right
+from collections.abc import Callable, Iterable, Sequence
 from fractions import Fraction
 from functools import partial
 from operator import index
@@ -49,6 +50,7 @@ from uuvsim_cosim.orchestrator.master.replacement import (
 from uuvsim_cosim.orchestrator.master.restart import InstancePool, Restart, is_pooled
 from uuvsim_cosim.orchestrator.master.serving import serve
 from uuvsim_cosim.orchestrator.master.snapshot import LoopState, Snapshot
+from uuvsim_cosim.orchestrator.master.step_report import VariableStepReport
 from uuvsim_cosim.orchestrator.plan.algebraic_loops import delay_remark, hops_of, loop_gain
 from uuvsim_cosim.orchestrator.plan.plan import Plan, PlannedComponent
 from uuvsim_cosim.orchestrator.plan.start import Starts, enter_initialization, variable_of
@@ -56,6 +58,7 @@ from uuvsim_cosim.orchestrator.values.values import Misfit, as_array, fit
 
 __all__ = ["Master", "Starts"]
 
+_NEVER = 2**64 - 1  # a tick
 _SECONDS = 0.2  # longest wall time of one call into C, so that Ctrl-C is prompt
 log = logging.getLogger("uuvsim_cosim.master")
 
@@ -143,6 +146,7 @@ class Master:
         self._hash = snapshots.plan_hash(plan)
         self._instantiate = instantiate
         self._last: Snapshot | None = None  # the snapshot that was taken last
+        self._stops: list[int] = []  # ticks that no step of variable length passes
         self._retired: list[Tables] = []  # of earlier plans; freed last, as views of them may exist
         self._recorded: list[tuple[int, Variable]] = []
         self._pools = [InstancePool(partial(instantiate, planned)) for planned in plan.components]
@@ -320,7 +324,8 @@ class Master:
     @property
     def remarks(self) -> tuple[str, ...]:
         """Warnings about delayed loops: a gain with which one diverges, or a large residual."""
-        return (*self._remarks, *loop_remarks(self._ready()))
+        of_step = () if self.variable_step is None else self.variable_step.remarks()
+        return (*self._remarks, *loop_remarks(self._ready()), *of_step)
 
     @property
     def tick(self) -> int:
@@ -333,7 +338,11 @@ class Master:
         return self._seconds(self.tick)
 
     def step(self, n: int = 1) -> None:
-        """Make `n` communication steps; raises ComponentFailed, LoopNotConverged."""
+        """Make `n` communication steps; raises ComponentFailed, LoopNotConverged.
+
+        With a variable communication step, `n` is a number of ticks, and the last step may end
+        later.
+        """
         try:
             steps = index(n)
         except TypeError:
@@ -344,13 +353,38 @@ class Master:
         tick = core.tick
         end = tick + steps
         while tick < end:
+            stop = end
+            if self.plan.variable is not None:
+                later = bisect_right(self._stops, tick)
+                horizon = self._stops[later] if later < len(self._stops) else _NEVER
+                core.horizon(horizon)
+                stop = min(end, horizon)
             # C returns when the steps are made, rows are full, or time has passed. Rows are passed
             # on before a failure is raised, so that a recording has all steps before it.
-            failure = core.run(end - tick, _SECONDS)
+            failure = core.run(stop - tick, _SECONDS)
             self._emit()
             if failure is not None:
                 self._fail(failure)
             tick = core.tick
+
+    def stop_at(self, ticks: Iterable[int]) -> None:
+        """Let no step of variable length go beyond these ticks, which become communication points.
+
+        A fixed step reaches every tick anyway.
+        """
+        self._stops = sorted({*self._stops, *ticks})
+
+    @property
+    def variable_step(self) -> VariableStepReport | None:
+        """How many steps of variable length were made, and how long; None: steps are fixed."""
+        if self.plan.variable is None:
+            return None
+        counts, tick = self._ready().core.step_counts(), float(self.plan.tick)
+        return VariableStepReport(
+            steps=counts.steps, rejected=counts.rejected, unsatisfied=counts.unsatisfied,
+            shortest=min(counts.least, counts.most) * tick, longest=counts.most * tick,
+            largest_estimate=counts.worst, time_of_largest=self._seconds(counts.worst_tick),
+        )  # fmt: skip
 
     def run_until(self, time: float | Fraction | str) -> None:
         """Step to the first communication point at or after `time` [s]; errors as of `step`."""
@@ -778,6 +812,8 @@ class Master:
         ticks = self.plan.components[tables.order[failure.member]].step_ticks
         begin, end = self._seconds(failure.tick), self._seconds(failure.tick + ticks)
         in_c = failure.outcome == Outcome.ENDED
+        if self.plan.variable is not None:  # the others would make a step of another length
+            raise error
         whole = failure.status == 1 if in_c else error.time >= end - 1e-6 * (end - begin)
         if whole and tables.core.accept_step(failure.member):
             self.step(ticks)

@@ -18,6 +18,7 @@ from uuvsim_cosim.orchestrator.osp.variable_groups import VariableGroup, pairs
 from uuvsim_cosim.orchestrator.osp.xml import Reading, children
 from uuvsim_cosim.orchestrator.system.elements import Connection, Element, StepGroup
 from uuvsim_cosim.orchestrator.system.sources import sum_source
+from uuvsim_cosim.orchestrator.system.variable_step import PowerBond
 from uuvsim_cosim.orchestrator.values.endpoints import find_variable
 from uuvsim_cosim.orchestrator.values.values import Misfit
 from uuvsim_cosim.orchestrator.values.xml_values import local_name
@@ -60,18 +61,21 @@ class Connections:
         self.described, self.groups = described, groups
         self.connections: list[Connection] = []
         self.sums: list[Element] = []
-        self.power_bonds: tuple[str, ...] = ()
+        self.power_bonds: tuple[PowerBond, ...] = ()
         self._before: dict[str, list[str]] = {}  # simulator: the sums that feed it
         self.functions = self._functions(root)
         self._into: dict[str, dict[int, str]] = {}  # function: endpoints by flat input
         self._out: dict[str, list[tuple[int, str]]] = {}  # function: (element, endpoint)
         bonds: dict[str, list[Xml]] = {}
+        joined: dict[str, list[Connection]] = {}
         for item in (i for section in children(root, "Connections") for i in children(section)):
             if not reading.known(local_name(item), list(_KINDS), "<Connections>", "connection"):
                 continue
+            before = len(self.connections)
             self._read(item)
             if item.get("powerBond") is not None:
                 bonds.setdefault(item.get("powerBond", ""), []).append(item)
+                joined.setdefault(item.get("powerBond", ""), []).extend(self.connections[before:])
         for name, parts in bonds.items():
             place = f"power bond {name!r}"  # its connections are transferred as any others
             if all(local_name(p) == "VariableGroupConnection" for p in parts):
@@ -83,9 +87,36 @@ class Connections:
                 if given not in ([], ["", ""], ["input", "output"]):
                     read = f"causalities {' and '.join(repr(g) for g in given)}"
                     reading.wrong(place, read, "one 'input' and one 'output', or neither")
-        self.power_bonds = tuple(bonds)
+        self.power_bonds = tuple(self._bonds(joined))
         for function in self.functions.values():
             self._apply(function)
+
+    def _bonds(self, joined: Mapping[str, list[Connection]]) -> Iterator[PowerBond]:
+        """Yield the bonds whose two connections go to and from the same two simulators.
+
+        The causalities that the file states are not used: the product of the two variables of a
+        side is the same in either order.
+        """
+        for name, connections in joined.items():
+            if len(connections) != 2:
+                if connections:
+                    self.reading.wrong(
+                        f"power bond {name!r}",
+                        f"{len(connections)} connected variables",
+                        "two, one in each direction",
+                    )
+                continue
+            one, back = connections
+            if self._owner(one.source) != self._owner(back.target) or self._owner(
+                back.source
+            ) != self._owner(one.target):
+                self.reading.wrong(
+                    f"power bond {name!r}",
+                    f"{one.source} to {one.target}, and {back.source} to {back.target}",
+                    "one connection from each of two simulators to the other",
+                )
+                continue
+            yield PowerBond(name, (back.target, one.source), (one.target, back.source))
 
     def step_groups(self) -> Iterator[StepGroup]:
         """Return the groups that let a sum step just before the simulator that it feeds."""

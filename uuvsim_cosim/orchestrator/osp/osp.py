@@ -13,6 +13,7 @@ from uuvsim_cosim.errors import InputInvalid, SystemInvalid, UuvsimError
 from uuvsim_cosim.fmus.description import Description
 from uuvsim_cosim.fmus.importer.archive import shown
 from uuvsim_cosim.orchestrator.osp.connections import Connections
+from uuvsim_cosim.orchestrator.osp.ecco import NANOSECOND, read_ecco
 from uuvsim_cosim.orchestrator.osp.variable_groups import (
     VariableGroup,
     find_model_description,
@@ -24,6 +25,7 @@ from uuvsim_cosim.orchestrator.system.resolve import REMARK, proxy_file, resolve
 from uuvsim_cosim.orchestrator.system.sources import FmuSource
 from uuvsim_cosim.orchestrator.system.system import System
 from uuvsim_cosim.orchestrator.system.validation import as_step, problem_of
+from uuvsim_cosim.orchestrator.system.variable_step import VariableStep
 from uuvsim_cosim.orchestrator.values.values import flat
 from uuvsim_cosim.orchestrator.values.xml_values import BOOLEANS, local_name
 
@@ -42,7 +44,8 @@ def read_osp(path: Path, tick: str | None = None) -> System:
     """Read a system from an OspSystemStructure.xml; `tick` is the step if the file has none.
 
     Sums become components, linear transformations become part of their connections, and both
-    use numbers without units. Raises SystemInvalid with every problem.
+    use numbers without units. With the algorithm ecco, the tick is a nanosecond, and the step is
+    variable (see `VariableStep`). Raises SystemInvalid with every problem.
     """
     root = opened(path, "OspSystemStructure")
     reading = Reading(path.name)
@@ -69,12 +72,17 @@ def read_osp(path: Path, tick: str | None = None) -> System:
     groups = _variable_groups(elements, described, path.parent, reading)
     joined = Connections(root, reading, {e.name: e for e in elements}, described, groups)
     algorithm = _only(root, "Algorithm") or "fixedStep"
+    varied: VariableStep | None = None
     if algorithm.lower() == "ecco":
-        reading.remark(
-            f"Algorithm ecco varies the step by the energy that power bonds lose "
-            f"({', '.join(joined.power_bonds) or 'there are none'}); here every step is "
-            f"{step_text(base)} s, and a bond consists of its two connections"
-        )
+        varied = read_ecco(root, joined.power_bonds, reading)
+        if varied is None:
+            reading.remark(f"Algorithm ecco: every step is {step_text(base)} s")
+        else:
+            base = NANOSECOND
+            fixed = [e.name for e in elements if e.rate is not None]
+            if fixed:
+                reading.remark(f"Algorithm ecco: the stepSize of {', '.join(fixed)} is not used")
+            elements = tuple(replace(e, rate=None) for e in elements)
     elif algorithm.lower() != "fixedstep":
         reading.known(algorithm, ["fixedStep", "ecco"], "<Algorithm>", "algorithm")
     if reading.problems:
@@ -94,6 +102,7 @@ def read_osp(path: Path, tick: str | None = None) -> System:
             remarks=tuple(dict.fromkeys(reading.remarks)),
             stop_time=end if end_text is not None and end > start else None,
             start_time=start,
+            variable_step=varied,
         )
     except SystemInvalid as error:
         raise SystemInvalid(

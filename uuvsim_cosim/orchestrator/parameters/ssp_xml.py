@@ -96,8 +96,8 @@ def type_name(type_: VariableType, version: SspVersion) -> str:
 
 
 def has_arrays(description: Description, version: SspVersion) -> bool:
-    """Return whether arrays are written whole: SSP 1.0 has none, nor do the FMUs of FMI 2.0."""
-    return version == "2.0" and description.kind != "FMI 2.0"
+    """Return whether arrays are written whole: SSP 1.0 has none, nor do FMI 1.0 and FMI 2.0."""
+    return version == "2.0" and description.kind not in ("FMI 1.0", "FMI 2.0")
 
 
 def add_units(parent: Element, names: Iterable[str], units: Mapping[str, Unit], tag: str) -> None:

@@ -14,6 +14,7 @@ from uuvsim_cosim.orchestrator.plan.initialization import initialization_order
 from uuvsim_cosim.orchestrator.plan.net_weight import net_weight_findings
 from uuvsim_cosim.orchestrator.plan.plan import Group, Plan, PlannedComponent, Transfer
 from uuvsim_cosim.orchestrator.plan.seeds import component_seeds
+from uuvsim_cosim.orchestrator.plan.variable_step import planned_variable_step
 from uuvsim_cosim.orchestrator.plan.vehicle_match import or_forced, vehicle_mismatches
 from uuvsim_cosim.orchestrator.system.elements import Loops, step_text
 from uuvsim_cosim.orchestrator.system.resolve import described_by
@@ -80,7 +81,11 @@ def flatten(system: System, seed: int = 0, loops: Loops | None = None) -> Plan:
         loops=system.loops if loops is None else loops,
         start=Fraction(str(system.start_time)),
     )
-    return apply_loop_policy(plan, flat_.ungrouped)
+    plan = apply_loop_policy(plan, flat_.ungrouped)
+    if system.variable_step is None:
+        return plan
+    about = plan.tick, plan.components, plan.transfers, plan.groups
+    return replace(plan, variable=planned_variable_step(system.variable_step, *about))
 
 
 def plan_to_inspect(system: System) -> tuple[Plan, str]:

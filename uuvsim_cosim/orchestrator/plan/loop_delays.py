@@ -30,8 +30,8 @@ def loop_delays(plan: Plan) -> list[Loop]:
 
     The number of all loops can grow exponentially with the system. The fastest loop through a
     component is the delay after which its outputs act on itself. A hop costs the step of its
-    source component. Within a Gauss-Seidel group, a hop from an earlier to a later member costs
-    nothing, unless the earlier one has the longer step.
+    source component, the longest one if it varies. Within a Gauss-Seidel group, a hop from an
+    earlier to a later member costs nothing, unless the earlier one has the longer step.
     """
     paths = [c.path for c in plan.components]
     edges = {(t.source, t.target) for t in plan.transfers}
@@ -52,7 +52,7 @@ def loop_delays(plan: Plan) -> list[Loop]:
                 free.update((a, b) for b in later if step <= plan.components[b].step_ticks)
     graph: dict[str, dict[str, int]] = {names[p]: {} for p in paths}
     for a, b in sorted(edges):
-        cost = 0 if (a, b) in free else plan.components[a].step_ticks
+        cost = 0 if (a, b) in free else plan.longest_step(a)
         hops = graph[names[paths[a]]]
         hops[names[paths[b]]] = max(cost, hops.get(names[paths[b]], 0))
     loops = [Loop(tuple(cycle), ticks * plan.tick) for ticks, cycle in cheapest_cycles(graph)]

@@ -10,13 +10,16 @@ from typing import Any
 
 from uuvsim_cosim.fmus.description import Description, Variable
 from uuvsim_cosim.orchestrator.system.elements import Algorithm, Loops, Solver
+from uuvsim_cosim.orchestrator.system.variable_step import VariableStep
 from uuvsim_cosim.orchestrator.values.transformation import Numbers
 
 __all__ = [
     "AlgebraicLoop",
     "Group",
     "Plan",
+    "PlannedBond",
     "PlannedComponent",
+    "PlannedVariableStep",
     "Transfer",
 ]
 
@@ -83,6 +86,33 @@ class AlgebraicLoop:
 
 
 @dataclass(frozen=True)
+class PlannedBond:
+    """A power bond: (component, variable, element) of an input and an output of both sides."""
+
+    name: str
+    ends: tuple[
+        tuple[int, str, int], tuple[int, str, int], tuple[int, str, int], tuple[int, str, int]
+    ]
+
+
+@dataclass(frozen=True)
+class PlannedVariableStep:
+    """A variable communication step of the components with a step of one tick, in ticks.
+
+    `judged` are transfers, each with its absolute and its relative tolerance. The sources of
+    `extrapolated` transfers are extrapolated over a step.
+    """
+
+    step: VariableStep
+    smallest: int
+    largest: int
+    first: int
+    judged: tuple[tuple[int, float, float], ...]
+    extrapolated: tuple[int, ...]
+    bonds: tuple[PlannedBond, ...]
+
+
+@dataclass(frozen=True)
 class Plan:
     """Tables by which the master steps a system; a pure function of the system.
 
@@ -94,6 +124,8 @@ class Plan:
     group. In an iterated group, inputs from other members are their outputs of this step.
     `initialization` lists the components in the order in which their outputs are known; an
     entry of more than one is an algebraic loop through declared (or undeclared) feedthrough.
+    With a `variable` step, the components whose `step_ticks` is 1 all step by the same number of
+    ticks, which their coupling chooses.
     `algebraic_loops` lists these loops, and how the policy `loops` treats them in stepping.
     """
 
@@ -106,6 +138,7 @@ class Plan:
     algebraic_loops: tuple[AlgebraicLoop, ...] = ()
     loops: Loops = "delay"
     start: Fraction = Fraction()  # s, time at which a run begins by default
+    variable: PlannedVariableStep | None = None  # None: every step is a whole tick
 
     @cached_property
     def connected(self) -> Mapping[tuple[int, str], set[int]]:
@@ -131,6 +164,11 @@ class Plan:
         for t in self.transfers:
             found.setdefault(t.target, []).append(t)
         return found
+
+    def longest_step(self, component: int) -> int:
+        """Return the communication step of a component in ticks; of a variable one, the longest."""
+        ticks = self.components[component].step_ticks
+        return self.variable.largest if self.variable is not None and ticks == 1 else ticks
 
     def hop(self, t: Transfer) -> str:
         """Return the text of a transfer for messages, ``a.y -> b.u``."""

@@ -34,6 +34,7 @@ from uuvsim_cosim.orchestrator.master.master import Master
 from uuvsim_cosim.orchestrator.master.observer import Observer
 from uuvsim_cosim.orchestrator.master.prepared import prepare
 from uuvsim_cosim.orchestrator.master.real_time import Pace, Punctuality, Steps
+from uuvsim_cosim.orchestrator.master.step_report import VariableStepReport
 from uuvsim_cosim.orchestrator.plan.flatten import flatten
 from uuvsim_cosim.orchestrator.plan.plan import Plan
 from uuvsim_cosim.orchestrator.plan.vehicle_match import or_forced
@@ -81,8 +82,9 @@ class Run:
     the loop. `residual` is the largest coupling residual of a delayed connection; `iterated` are
     the algebraic loops that are iterated. `notes` are assumptions, `warnings` are possible
     mistakes; `waypoints` are those of a mission (N, E, D) [m]. `interrupted` is the reason for an
-    early end; `punctuality` is that of a run in real time. An attribute that does not apply is None
-    or empty.
+    early end; `punctuality` is that of a run in real time, `variable_step` the lengths of the
+    steps of a run in which they vary (`steps` then counts ticks). An attribute that does not apply
+    is None or empty.
 
     Example:
 
@@ -118,6 +120,7 @@ class Run:
     start: float = 0.0
     interrupted: str = ""
     punctuality: Punctuality | None = None  # of a run in real time
+    variable_step: VariableStepReport | None = None  # None: every step is a tick
 
     @property
     def real_time_factor(self) -> float:
@@ -272,7 +275,8 @@ def run(
     folder = lock_run_folder(out if out is not None else Path("runs") / f"{system.name}-{seed}")
     with shown(progress) as report:
         try:
-            rows = (end - float(plan.start)) / float(plan.tick) / record_every
+            least = 1 if plan.variable is None else plan.variable.smallest
+            rows = (end - float(plan.start)) / float(plan.tick) / max(record_every, least)
             refuse_too_large(plan, backend, isolate, folder.path, rows)
             provenance = provenance_of(system, plan, seed, backend, record_every, end, about or {})
             provenance["notes"] += [d.note for d in drives]
@@ -362,6 +366,7 @@ def _simulated(
 
     with AtComponentExit(ended), master:
         try:
+            master.stop_at([steps])
             report: Progress = progress or (lambda stage, done, total: None)
             if pace is not None:
                 pace.advance(
@@ -396,7 +401,7 @@ def _simulated(
         ]
         first = int(plan.start / plan.tick)
         done, reached = master.tick - first, master.time
-        largest = master.largest_residual
+        largest, varied = master.largest_residual, master.variable_step
         provenance["warnings"] += [*master.remarks, *ranges.warnings()]
         if error is not None:
             master.free()  # not terminate(): a failed component may not answer
@@ -406,6 +411,7 @@ def _simulated(
         "real_time_factor": (reached - float(plan.start)) / wall_time if wall_time > 0 else None,
         "real_time": None if pace is None else asdict(pace.punctuality()),
         "coupling_residual": None if largest is None else asdict(largest),
+        "variable_step": None if varied is None else asdict(varied),
     }  # fmt: skip
     try:
         write_run_json(folder.path / "run.json", {**provenance, **known})
@@ -437,6 +443,7 @@ def _simulated(
         asked=folder.asked if folder.renamed else None,
         interrupted=stopped,
         punctuality=None if pace is None else pace.punctuality(),
+        variable_step=varied,
     )  # fmt: skip
     if interrupted:
         raise Interrupted(result)

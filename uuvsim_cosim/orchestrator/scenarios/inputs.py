@@ -238,6 +238,12 @@ class Driven(SteppedMaster):
                 assert slots is not None  # the input is held (`held_by`), and a number
                 self._set.append((d, slots, slots[d.element].item() if d.added else 0))
                 continue
+            if master.plan.variable is not None:
+                raise InputInvalid(
+                    f"--input {d.name}",
+                    "a value that is added to a connection, with a variable communication step",
+                    "an input that is not connected, or a fixed step",
+                )
             bias = Manipulation(0.0, d.name.removeprefix("+"), "bias", 1.0)
             for event in events_of(bias, master):
                 assert isinstance(event, SignalFault)
@@ -249,7 +255,8 @@ class Driven(SteppedMaster):
 
     def step(self, n: int = 1) -> None:
         """Make n communication steps, with the inputs of each."""
-        for _ in range(n):
+        end = self._master.tick + n
+        while self._master.tick < end:
             if not self._begun:
                 self._begun = True
                 self._write()

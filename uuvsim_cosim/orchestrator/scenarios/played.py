@@ -66,6 +66,8 @@ class Played(SteppedMaster):
             except InputInvalid as error:
                 raise InputInvalid(f"{place}: {error}") from None
         self._ticks = sorted(self._due, reverse=True)  # the next one is the last
+        # A fault begins with the values at the tick after its call.
+        master.stop_at(later for tick in self._due for later in (tick, tick + 1))
 
     def step(self, n: int = 1) -> None:
         """Make n communication steps, and apply the events that are due between them."""

@@ -19,6 +19,7 @@ contains groups: the other two do not define them.
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from decimal import Decimal
 from fractions import Fraction
 from xml.etree.ElementTree import Element as Xml
@@ -31,8 +32,13 @@ from uuvsim_cosim.orchestrator.parameters.ssp_xml import (
     find_annotation,
     q,
 )
-from uuvsim_cosim.orchestrator.system.elements import step_text
+from uuvsim_cosim.orchestrator.system.elements import Structure, step_text
 from uuvsim_cosim.orchestrator.system.validation import as_step
+from uuvsim_cosim.orchestrator.system.variable_step import (
+    PowerBond,
+    VariableStep,
+    variable_step_of_text,
+)
 from uuvsim_cosim.orchestrator.values.xml_values import local_name
 
 __all__ = [
@@ -40,7 +46,10 @@ __all__ = [
     "add_default_experiment",
     "add_system_step",
     "component_step",
+    "step_for_others",
     "system_step",
+    "variable_step_of",
+    "variable_step_xml",
 ]
 
 OSP = "com.opensimulationplatform"
@@ -81,6 +90,12 @@ def system_step(root: Xml, system: Xml, remarks: list[str]) -> str | None:
     """Return a system's step; that of the document `root` counts for its outermost system."""
     note = find_annotation(system)
     found: list[tuple[str, str]] = []
+    if (
+        note is not None
+        and note.get("tick")
+        and next(_local(note, "VariableStep"), None) is not None
+    ):
+        return note.get("tick")  # the others have the length of its first step
     if note is not None and note.get("tick"):
         found.append(("org.uuvsim.cosim", note.get("tick", "")))
     outermost = root.find(q("ssd:System")) is system
@@ -95,6 +110,56 @@ def system_step(root: Xml, system: Xml, remarks: list[str]) -> str | None:
                 f"{OMS}: a variable step; its initial value, {given} s, is used for all steps"
             )
     return _agreed(found, f"system {system.get('name', '')!r}", remarks)
+
+
+def step_for_others(system: Structure) -> Fraction:
+    """Return the step that other tools are told: of a variable step, the length of the first."""
+    varied = system.variable_step
+    return system.base_step if varied is None else varied.beginning
+
+
+def variable_step_xml(step: VariableStep) -> Xml:
+    """Write a variable step, with its power bonds and the tolerances of connections."""
+    xml = Xml("uuvsim:VariableStep", settings=step.text())
+    for bond in step.bonds:
+        ends = zip(
+            ("input", "output", "otherInput", "otherOutput"), bond.first + bond.second, strict=True
+        )
+        SubElement(xml, "uuvsim:PowerBond", {"name": bond.name, **dict(ends)})
+    for name, absolute, relative in step.tolerances:
+        SubElement(
+            xml, "uuvsim:Tolerance", input=name, absolute=repr(absolute), relative=repr(relative)
+        )
+    return xml
+
+
+def variable_step_of(note: Xml) -> VariableStep | None:
+    """Read what `variable_step_xml` wrote, from the annotation of a system; raises InputInvalid."""
+    xml = next(_local(note, "VariableStep"), None)
+    if xml is None:
+        return None
+    bonds = [
+        PowerBond(
+            b.get("name", ""),
+            (b.get("input", ""), b.get("output", "")),
+            (b.get("otherInput", ""), b.get("otherOutput", "")),
+        )
+        for b in _local(xml, "PowerBond")
+    ]
+    tolerances = [
+        (t.get("input", ""), _number(t, "absolute"), _number(t, "relative"))
+        for t in _local(xml, "Tolerance")
+    ]
+    step, _ = variable_step_of_text(xml.get("settings", ""))
+    return replace(step, bonds=tuple(bonds), tolerances=tuple(tolerances))
+
+
+def _number(xml: Xml, name: str) -> float:
+    try:
+        return float(xml.get(name, ""))
+    except ValueError:
+        place = f"variable step, tolerance of {xml.get('input', '')!r}"
+        raise InputInvalid(place, f"{name}={xml.get(name)!r}", "a number") from None
 
 
 def component_step(component: Xml, tick: Fraction, remarks: list[str]) -> str | None:

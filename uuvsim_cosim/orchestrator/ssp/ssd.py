@@ -29,6 +29,8 @@ from uuvsim_cosim.orchestrator.ssp.annotations import (
     add_component_step,
     add_default_experiment,
     add_system_step,
+    step_for_others,
+    variable_step_xml,
 )
 from uuvsim_cosim.orchestrator.ssp.ssd_reader import read_ssd
 from uuvsim_cosim.orchestrator.system.elements import Element, step_text
@@ -86,7 +88,7 @@ def format_ssd(system: System, version: SspVersion = "2.0", folder: Path | None 
     )
     root.append(writer.system(system, system.name))
     add_units(root, writer.unit_names, writer.units, "ssd:Units")
-    add_default_experiment(root, system.base_step, system.start_time, system.stop_time)
+    add_default_experiment(root, step_for_others(system), system.start_time, system.stop_time)
     return document(root, "oms", "osp", "ssc", "ssd", "ssv", "uuvsim")
 
 
@@ -133,12 +135,14 @@ class _Writer:
                 item.set("limit", str(group.limit))
             for member in group.members:
                 SubElement(item, "uuvsim:Member", name=member)
+        if system.variable_step is not None:
+            note.append(variable_step_xml(system.variable_step))
         if name != system.name:
             note.set("name", system.name)
         if description:
             note.set("description", system.description)
         add_annotation(xml).append(note)
-        add_system_step(xml, system.base_step)
+        add_system_step(xml, step_for_others(system))
         return xml
 
     def _element(self, system: System, element: Element, used: list[str]) -> Xml:

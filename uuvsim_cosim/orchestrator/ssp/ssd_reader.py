@@ -18,7 +18,11 @@ from uuvsim_cosim.orchestrator.parameters.ssp_xml import (
     read_units,
 )
 from uuvsim_cosim.orchestrator.parameters.ssv import read_enumerations
-from uuvsim_cosim.orchestrator.ssp.annotations import component_step, system_step
+from uuvsim_cosim.orchestrator.ssp.annotations import (
+    component_step,
+    system_step,
+    variable_step_of,
+)
 from uuvsim_cosim.orchestrator.ssp.signal_dictionary import (
     read_dictionaries,
     read_references,
@@ -112,6 +116,8 @@ class _Reader:
         elements = self._bind_system(xml, elements, links, prefix, remarks)
         groups: list[StepGroup] = []
         for group in note if note is not None else ():
+            if local_name(group) != "Group":
+                continue
             members = tuple(m.get("name", "") for m in group)
             try:
                 tolerance, limit = float(group.get("tolerance", "1e-10")), group.get("limit", "100")
@@ -121,6 +127,11 @@ class _Reader:
             algorithm, solver = group.get("algorithm", ""), group.get("solver", "newton")
             groups.append(StepGroup(members, algorithm, solver, *numbers))  # type: ignore[arg-type]
         own = note.attrib if note is not None else {}
+        try:
+            varied = None if note is None else variable_step_of(note)
+        except UuvsimError as error:
+            self.wrong(error)
+            varied = None
         self.borders[prefix] = border
         known = {e.name for e in elements} - broken
         try:
@@ -137,6 +148,7 @@ class _Reader:
                 # System checks both policies.
                 loops=own.get("loops", "iterate"),  # type: ignore[arg-type]
                 mismatches=own.get("mismatches", "refuse"),  # type: ignore[arg-type]
+                variable_step=varied,
             )
         except SystemInvalid as error:
             for p in error.problems:

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Literal
 
 from uuvsim_cosim.fmus.description import Description
+from uuvsim_cosim.orchestrator.system.variable_step import VariableStep
 from uuvsim_cosim.orchestrator.values.transformation import Table
 
 __all__ = [
@@ -91,8 +92,8 @@ class Structure(ABC):
 
     `tick` is the base step in s, exact; a run goes from `start_time` to `stop_time` [s] by
     default. `loops` is the policy for algebraic loops (see `System.with_loops`); that of a nested
-    system is not used, nor is its policy for `mismatches` (see `System.with_mismatches`). Relative
-    files of sources are in `base`.
+    system is not used, nor is its policy for `mismatches` (see `System.with_mismatches`), nor its
+    `variable_step` (see `System.with_variable_step`). Relative files of sources are in `base`.
     """
 
     name: str
@@ -108,6 +109,7 @@ class Structure(ABC):
     loops: Loops = "iterate"
     start_time: float = 0.0
     mismatches: Mismatches = "refuse"
+    variable_step: VariableStep | None = None
 
     @property
     def base_step(self) -> Fraction:

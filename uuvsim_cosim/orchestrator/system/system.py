@@ -38,6 +38,7 @@ from uuvsim_cosim.orchestrator.system.validation import (
     with_element,
     with_start,
 )
+from uuvsim_cosim.orchestrator.system.variable_step import VariableStep, variable_step_of_text
 from uuvsim_cosim.orchestrator.system.wiring import Wire
 from uuvsim_cosim.orchestrator.values.endpoints import find_element, resolve_endpoint
 from uuvsim_cosim.orchestrator.values.transformation import table_of
@@ -300,6 +301,27 @@ class System(Structure):
         'warn'
         """
         return replace(self, mismatches=policy)
+
+    def with_variable_step(self, step: VariableStep | str | None) -> System:
+        """Return the system with a communication step of variable length; None: a fixed one.
+
+        `step` is a `VariableStep`, or its settings as text (lengths in s), which may give the
+        system another tick (``tick=1e-6``). The components without a communication step of their
+        own follow it, in whole ticks.
+
+        Example:
+
+        >>> import uuvsim_cosim as uuv
+        >>> hold = uuv.load("bluerov2_hold")
+        >>> varied = hold.with_variable_step("smallest=0.01 largest=0.1 relative=1e-3")
+        >>> varied.variable_step.largest
+        Fraction(1, 10)
+        """
+        tick = self.tick
+        if isinstance(step, str):
+            step, own = variable_step_of_text(step, self.variable_step)
+            tick = own or tick
+        return replace(self, tick=tick, variable_step=step)
 
     def expose(self, name: str, path: str) -> System:
         """Make the inner connector at `path` a connector `name` of the system.

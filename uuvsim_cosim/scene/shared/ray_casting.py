@@ -50,7 +50,7 @@ class Caster:
         self._c = _library()
         g = self.ground
         levels, three, five = ctypes.c_int * LEVELS, ctypes.c_double * 3, ctypes.c_double * 5
-        # `_scene` points to the arrays of `ground`, `_solids` and `_nodes`: they must outlive it.
+        # `scene` points to the arrays of `ground`, `_solids` and `_nodes`: they must outlive it.
         self._solids = (_Solid * max(1, len(g.solids)))()
         for i, row in enumerate(g.solids.tolist()):
             self._solids[i] = _Solid(int(row[0]), three(*row[1:4]), five(*row[4:9]), row[9])
@@ -66,7 +66,7 @@ class Caster:
             meshes.vertices.ctypes.data, meshes.corners.ctypes.data, meshes.first.ctypes.data,
             len(meshes.first) - 1,
         )  # fmt: skip
-        self._scene = _Scene(terrain, ctypes.addressof(self._solids), len(g.solids), tree)
+        self.scene = _Scene(terrain, ctypes.addressof(self._solids), len(g.solids), tree)
 
     def cast(
         self,
@@ -93,7 +93,7 @@ class Caster:
                 raise InputInvalid("out", f"{name} is {a.dtype} {a.shape}", f"{of} ({n},)")
         common = int(len(o) == 1)
         self._c.uuv_cast_batch(
-            ctypes.byref(self._scene), o.ctypes.data, common, d.ctypes.data, far, n,
+            ctypes.byref(self.scene), o.ctypes.data, common, d.ctypes.data, far, n,
             t.ctypes.data, kind.ctypes.data,
         )  # fmt: skip
         return t, kind
@@ -107,7 +107,7 @@ class Caster:
         z = np.empty(at_n.shape)
         at_n, at_e = np.ascontiguousarray(at_n), np.ascontiguousarray(at_e)
         self._c.uuv_height_batch(
-            ctypes.byref(self._scene), at_n.ctypes.data, at_e.ctypes.data, z.size, z.ctypes.data
+            ctypes.byref(self.scene), at_n.ctypes.data, at_e.ctypes.data, z.size, z.ctypes.data
         )
         return z
 

@@ -7,19 +7,27 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["WEAK", "ambiguities", "scaled_information"]
+from uuvsim_cosim.studies.identification.parameters import Fitted
+
+__all__ = ["WEAK", "ambiguities", "own_sizes", "scaled_information"]
 
 Array = NDArray[np.float64]
 WEAK = 0.25  # relative standard error of a weak direction: ± 50 % at 95 %
 _SHARE, _CORRELATED = 0.3, 0.95
 
 
-def scaled_information(information: Array, theta: Array, start: Array) -> Array:
+def scaled_information(information: Array, theta: Array, fitted: Sequence[Fitted]) -> Array:
     """Return the information of parameters in units of their own size."""
-    size = np.maximum(np.abs(theta), 0.05 * np.abs(start))
-    size = np.where(size > 0, size, 1.0)
-    scaled: Array = information * np.outer(size, size)
+    sizes = own_sizes(theta, fitted)
+    scaled: Array = information * np.outer(sizes, sizes)
     return scaled
+
+
+def own_sizes(theta: Array, fitted: Sequence[Fitted]) -> Array:
+    """Return the size (n_p,) of each parameter at theta."""
+    least = np.array([max(f.size, 0.05 * abs(f.start)) for f in fitted])
+    size = np.maximum(np.abs(theta), least)
+    return np.where(size > 0, size, 1.0)
 
 
 def ambiguities(names: Sequence[str], scaled: Array) -> list[str]:

@@ -1,4 +1,4 @@
-"""Signals of an ArduSub log: thrusters' commands by the log's parameters, and what was measured.
+"""Commands of an ArduSub log's thrusters by the log's parameters.
 
 Output n drives motor SERVOn_FUNCTION - 32. Its command follows from the pulse width w by the
 neutral width w_0 and the motor's direction d (MOT_i_DIRECTION, 1 or -1):
@@ -13,18 +13,15 @@ outputs.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from uuvsim_cosim.errors import InputInvalid
-from uuvsim_cosim.orchestrator.recording.signals import Signals
-from uuvsim_cosim.studies.identification.exclusions import exclusions
-from uuvsim_cosim.studies.identification.vehicle_log import Series, VehicleLog
+from uuvsim_cosim.studies.identification.vehicle_log import VehicleLog
 
-__all__ = ["FRAMES", "Motors", "motors_of", "signals_of_log"]
+__all__ = ["FRAMES", "Motors", "motors_of"]
 
 Array = NDArray[np.float64]
 # FRAME_CONFIG: name, number of motors, vehicle of this package with thrusters in the same order.
@@ -140,94 +137,3 @@ def _neutral(log: VehicleLog, channels: list[int]) -> tuple[list[float], list[st
             )
         neutral.append(measured)
     return neutral, remarks
-
-
-def signals_of_log(log: VehicleLog) -> Signals:
-    """Return `eta`, `nu`, `u`, `voltage` and `range` of a log on the times of all its messages.
-
-    Values are NaN at times of other messages, except commands and voltage, which are held. The
-    metadata has `vehicle`, `remarks`, and `excluded`: first and last time and reason of each span
-    that is not fitted. Time is from the first command on.
-    """
-    _complete(log)
-    motors = motors_of(log)
-    series = dict(log.series)
-    begin = float(series["pwm"].t[0])
-    shifted = {n: Series(s.t - begin, s.values) for n, s in series.items()}
-    timed = [s.t for n, s in shifted.items() if n not in ("armed", "surfaced", "bottomed")]
-    time: Array = np.unique(np.round(np.concatenate(timed), 4)).astype(np.float64)
-    time = time[time >= 0.0]
-    eta, nu, range_ = (np.full((len(time), k), np.nan, np.float64) for k in (6, 6, 1))
-    remarks = [*log.remarks, *motors.remarks]
-    for to, name, columns in _PLACES:
-        s = shifted.get(name)
-        if s is None:
-            continue
-        at = np.round(s.t, 4)
-        inside = at >= 0.0
-        target = {"eta": eta, "nu": nu, "range": range_}[to]
-        target[np.searchsorted(time, at[inside]), columns] = s.values[inside]
-    remarks += _velocities(time, nu, shifted)
-    pwm = shifted["pwm"].at(time)
-    values: dict[str, Array] = {"eta": eta, "nu": nu, "u": motors.commands(pwm)}
-    if "voltage" in shifted:
-        values["voltage"] = shifted["voltage"].at(time, float(shifted["voltage"].values[0, 0]))[
-            :, 0
-        ]
-    if "range" in shifted:
-        values["range"] = range_[:, 0]
-    excluded = exclusions(shifted, motors.commands(shifted["pwm"].values), float(time[-1]))
-    kept = float(time[-1]) - sum(e.last - e.first for e in excluded)
-    if kept <= 0.0:
-        raise InputInvalid(
-            log.path,
-            f"has no part to fit: {'; '.join(map(str, excluded))}",
-            "armed time under water",
-        )
-    metadata: dict[str, object] = {
-        "file": str(log.path), "firmware": log.firmware, "vehicle": motors.vehicle,
-        "frame": motors.frame, "remarks": tuple(remarks), "excluded": tuple(excluded),
-        "start": begin,
-    }  # fmt: skip
-    return Signals(time, np.arange(len(time)), values, {}, metadata=metadata)
-
-
-# Each series' place: signal and columns; later ones replace earlier ones.
-_PLACES = (
-    ("eta", "position", slice(0, 3)), ("eta", "depth", slice(2, 3)),
-    ("eta", "attitude", slice(3, 6)), ("nu", "rates", slice(3, 6)), ("range", "range", slice(0, 1)),
-)  # fmt: skip
-
-
-def _complete(log: VehicleLog) -> None:
-    lacking = []
-    if not {"attitude", "rates", "position"} & log.series.keys():
-        lacking.append("attitude or position (ATT, XKF1; ATTITUDE, LOCAL_POSITION_NED)")
-    if "pwm" not in log.series:
-        lacking.append("the thrusters' commands (RCOU; SERVO_OUTPUT_RAW)")
-    if lacking:
-        there = ", ".join(sorted(log.series)) or "nothing of use"
-        raise InputInvalid(f"{log.path}: lacks {' and '.join(lacking)}; it has {there}")
-
-
-def _velocities(time: Array, nu: Array, series: Mapping[str, Series]) -> list[str]:
-    """Write u, v and w: of the DVL, else of the estimator, turned into the vehicle's axes."""
-    if "dvl" in series:
-        s = series["dvl"]
-        inside = s.t >= 0.0
-        nu[np.searchsorted(time, np.round(s.t[inside], 4)), :3] = s.values[inside]
-        return ["u, v and w are those of the DVL (visual odometry)"]
-    if "velocity" not in series or "attitude" not in series:
-        return []
-    from scipy.spatial.transform import Rotation
-
-    s, attitude = series["velocity"], series["attitude"]
-    good = np.isfinite(s.values).all(axis=1) & (s.t >= 0.0)
-    if not good.any():
-        return ["the estimator had no measurement of horizontal position or velocity: only "
-                "attitude, rates and depth are used"]  # fmt: skip
-    unwrapped = np.unwrap(attitude.values, axis=0)
-    euler = np.stack([np.interp(s.t[good], attitude.t, c) for c in unwrapped.T], axis=1)
-    at = np.searchsorted(time, np.round(s.t[good], 4))
-    nu[at, :3] = Rotation.from_euler("ZYX", euler[:, ::-1]).inv().apply(s.values[good])
-    return []

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping
+from functools import partial
 from math import pi
 from pathlib import Path
 
@@ -10,11 +12,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uuvsim_cosim.errors import InputInvalid
+from uuvsim_cosim.studies.identification.channels import NONE, Channel, assigned
 from uuvsim_cosim.studies.identification.dataflash_reader import DataFlash
 from uuvsim_cosim.studies.identification.vehicle_log import (
     Series,
     VehicleLog,
     check_firmware,
+    with_depth,
     without_repetitions,
 )
 
@@ -31,8 +35,11 @@ _AIDED, _UNAIDED = 1 << 3 | 1 << 4, 1 << 7
 _GOOD_RANGE, _DOWN = 4, 25  # RFND: status, orientation
 
 
-def read_dataflash(path: Path) -> VehicleLog:
-    """Read a .BIN; raises InputInvalid for a log of another vehicle, or of two."""
+def read_dataflash(path: Path, channels: Mapping[str, Channel] = NONE) -> VehicleLog:
+    """Read a .BIN; raises InputInvalid for a log of another vehicle, or of two.
+
+    `channels` replace the usual messages.
+    """
     log = DataFlash(path)
     texts = _texts(log)
     firmware = next((t for t in texts if _FIRMWARE.match(t)), "")
@@ -55,12 +62,27 @@ def read_dataflash(path: Path) -> VehicleLog:
     _put_range(log, found)
     found.put("voltage", "BAT", "Volt", first="Inst" if "BAT" in log.names else "")
     _put_events(log, found, parameters)
+    found.series |= assigned(path, channels, partial(_channel, log))
     remarks = []
     if log.lost:
         remarks.append(
             f"{log.lost} bytes at {log.gaps} places are no messages (damaged), and are left out"
         )
-    return VehicleLog(path, found.series, parameters, firmware, tuple(remarks))
+    if log.cut:
+        remarks.append(f"the log ends within a message: its last {log.cut} bytes are left out")
+    return VehicleLog(path, with_depth(found.series), parameters, firmware, tuple(remarks))
+
+
+def _channel(log: DataFlash, channel: Channel) -> tuple[Array, Array]:
+    table = log.table(channel.topic, "TimeUS", *channel.fields)
+    if table is None or not channel.fields:
+        layout = log.layouts.get(channel.topic)
+        names = sorted(log.names) if layout is None else list(layout.columns)
+        raise InputInvalid(
+            f"{log.path}: {channel}", f"no message or column {channel.place!r}",
+            f"MESSAGE:COLUMN with {', '.join(names[:12])} …",
+        )  # fmt: skip
+    return table[:, 0] * 1e-6, table[:, 1:]
 
 
 class _Found:

@@ -35,14 +35,14 @@ class Excluded:
         return f"{self.first:.1f} to {self.last:.1f} s: {self.reason}"
 
 
-def exclusions(series: Mapping[str, Series], u: Array, end: float) -> list[Excluded]:
+def exclusions(series: Mapping[str, Series], end: float) -> list[Excluded]:
     """Return the spans from 0 to `end` [s] to leave out, without overlaps, in order.
 
-    `u` (n, motors) are the commands at the times of series `pwm`. Where several reasons hold, the
-    first one counts: disarmed, a gap in the log, at the surface, on the bottom, under tow.
+    Where several reasons hold, the first one counts: disarmed, a gap in the log, at the surface, on
+    the bottom, under tow.
     """
     found: list[Excluded] = []
-    for reason, spans in _reasons(series, u):
+    for reason, spans in _reasons(series):
         for first, last in spans:
             for a, b in _without(max(first, 0.0), min(last, end), found):
                 if b - a > 1e-6:
@@ -76,31 +76,28 @@ def _without(first: float, last: float, found: list[Excluded]) -> Iterator[tuple
         yield here, last
 
 
-def _reasons(
-    series: Mapping[str, Series], u: Array
-) -> Iterator[tuple[str, list[tuple[float, float]]]]:
+def _reasons(series: Mapping[str, Series]) -> Iterator[tuple[str, list[tuple[float, float]]]]:
     if "armed" in series:
         yield "disarmed", _spans(series["armed"].t, series["armed"].values[:, 0] == 0.0)
-    for name, what in (("pwm", "commands"), ("attitude", "attitude")):
+    for name, what in (("commands", "commands"), ("attitude", "attitude")):
         if name in series:
             t = series[name].t
             at = np.flatnonzero(np.diff(t) > _GAP)
             yield f"no {what} in the log", [(float(t[k]), float(t[k + 1])) for k in at]
-    depth = series.get("depth", series.get("position"))
-    if depth is not None:
-        down = depth.values[:, -1]
+    if "depth" in series:
+        depth = series["depth"]
         yield (
             f"at the surface (depth below {_SURFACE:g} m)",
-            _joined(_spans(depth.t, down < _SURFACE), _SHORTEST),
+            _joined(_spans(depth.t, depth.values[:, 0] < _SURFACE), _SHORTEST),
         )
     if "surfaced" in series:
         yield (
-            "at the surface (reported by ArduSub)",
+            "at the surface (reported by the autopilot)",
             _spans(series["surfaced"].t, series["surfaced"].values[:, 0] > 0.0),
         )
     if "bottomed" in series:
         yield (
-            "on the bottom (reported by ArduSub)",
+            "on the bottom (reported by the autopilot)",
             _spans(series["bottomed"].t, series["bottomed"].values[:, 0] > 0.0),
         )
     if "range" in series:
@@ -108,13 +105,14 @@ def _reasons(
             f"on the bottom (range below {_BOTTOM:g} m)",
             _long(_spans(series["range"].t, series["range"].values[:, 0] < _BOTTOM)),
         )
-    yield "under tow or held (it moves while its thrusters rest)", _long(_towed(series, u))
+    yield "under tow or held (it moves while its thrusters rest)", _long(_towed(series))
 
 
-def _towed(series: Mapping[str, Series], u: Array) -> list[tuple[float, float]]:
+def _towed(series: Mapping[str, Series]) -> list[tuple[float, float]]:
     """Return spans of motion that no thruster made for as long as the vehicle needs to stop."""
-    t = series["pwm"].t
-    resting = _spans(t, np.abs(u).max(axis=1) < _IDLE)
+    t, u = series["commands"].t, np.abs(series["commands"].values)
+    size = max(1.0, float(u.max(initial=0.0)))  # a force in N rests relative to the largest one
+    resting = _spans(t, u.max(axis=1) < _IDLE * size)
     idle = [(max(a, float(t[0])) + _COAST, b) for a, b in resting]
     spans = []
     for a, b in [(a, b) for a, b in idle if b > a]:

@@ -15,7 +15,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from uuvsim_cosim.studies.identification.ambiguity import scaled_information
+from uuvsim_cosim.studies.identification.ambiguity import own_sizes, scaled_information
 from uuvsim_cosim.studies.identification.fit import Fit
 from uuvsim_cosim.studies.identification.fitted_model import GreyBox
 
@@ -92,8 +92,7 @@ def propose(box: GreyBox, found: Fit) -> list[Proposal]:
     parts = ca.Function("parts", [x, w, theta], [ca.jacobian(x_1, x), ca.jacobian(x_1, theta),
                         ca.jacobian(y, x), ca.jacobian(y, theta)])  # fmt: skip
     flown = step.mapaccum("flown", len(t))
-    start = np.array([f.start for f in box.fitted])
-    before: Array = scaled_information(found.information, found.theta, start)
+    before: Array = scaled_information(found.information, found.theta, box.fitted)
     before = before + 1e-4 * np.eye(n_p)
     _, base = np.linalg.slogdet(before)
     proposals = []
@@ -108,11 +107,11 @@ def propose(box: GreyBox, found: Fit) -> list[Proposal]:
             continue
         A, B, C, D = (np.array(m) for m in parts.map(len(t))(before_each, feeds, found.theta))
         information = _added(A, B, C, D, found, len(t), n_x, n_p)
-        total = before + scaled_information(information, found.theta, start)
+        total = before + scaled_information(information, found.theta, box.fitted)
         if not np.all(np.isfinite(total)):
             continue
         _, value = np.linalg.slogdet(total)
-        size = np.sqrt(np.diag(scaled_information(np.eye(n_p), found.theta, start)))
+        size = own_sizes(found.theta, box.fitted)
         spread = np.maximum(np.diag(np.linalg.inv(total)), 0.0)
         reached = np.abs(states[box.x_places[box.hull, "nu_b"]]).max(axis=1)
         half = 1.96 * size * np.sqrt(spread)

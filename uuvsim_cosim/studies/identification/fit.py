@@ -1,9 +1,9 @@
 """Fit of parameters: steps of Gauss and Newton on windows of the recording, and the covariance.
 
-sigma is estimated from the residuals of each signal, in a second and a third pass. A step is
-shortened until the objective and the gaps between windows together become smaller. The covariance
-is that of the last Gauss-Newton matrix with the states eliminated, increased by the correlation of
-each residual with the one before it.
+sigma is estimated from the residuals of each signal, in a second and a third pass, and so is their
+correlation if they are autoregressive. A step is shortened until the objective and the gaps between
+windows together become smaller. The covariance is that of the last Gauss-Newton matrix with the
+states eliminated. If the residuals are not white, it is widened to the sandwich covariance.
 """
 
 from __future__ import annotations
@@ -16,16 +16,23 @@ from numpy.typing import NDArray
 
 from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.studies.identification.fitted_model import GreyBox
-from uuvsim_cosim.studies.identification.shooting import PRIOR, Point, Shooting
+from uuvsim_cosim.studies.identification.residuals import (
+    Whiteness,
+    correlation_of_lag_one,
+    long_run_covariance,
+    whiteness,
+)
+from uuvsim_cosim.studies.identification.shooting import PRIOR, Noise, Point, Shooting
 from uuvsim_cosim.studies.identification.signals import Grid
 
-__all__ = ["AWAY", "FIRST", "LEAST", "Fit", "correlation_of_lag_one", "expected_information", "fit"]
+__all__ = ["AWAY", "FIRST", "LEAST", "Fit", "expected_information", "fit"]
 
 Array = NDArray[np.float64]
 # First and least values of sigma: N E D [m], angles, u v w [m/s], p q r [rad/s].
 FIRST = np.array([0.05] * 3 + [0.02] * 3 + [0.02] * 3 + [0.02] * 3)
 LEAST = np.array([1e-4] * 3 + [1e-5] * 3 + [1e-5] * 3 + [1e-5] * 3)
 _ITERATIONS, _PASSES = 60, 3
+_PASSES_COLOURED = 8  # sigma and rho depend on each other
 # A step that decreases the objective by less ends the fit (one standard error is 0.5); in the
 # passes before the last one, a share of the objective too.
 _DECREASE, _COARSE = 1e-4, 1e-5
@@ -41,12 +48,14 @@ class Fit:
     covariance: Array
     sigma: Array  # of each signal's residuals
     correlation: Array  # of each signal's residuals with those one step before
-    information: Array  # of theta, states eliminated
+    information: Array  # of theta, states eliminated: as far as the residuals are independent
     x_0: Array
     samples: int
     iterations: int
     converged: bool
     status: str
+    widened: Array  # factors of standard errors, because residuals are not white
+    whiteness: tuple[Whiteness, ...] = ()  # of each measured signal
 
 
 AWAY = (
@@ -60,41 +69,57 @@ def fit(
     grid: Grid,
     *,
     problem: Shooting | None = None,
+    residuals: str = "robust",
     progress: Callable[[int, float], None] = lambda iteration, residual: None,
 ) -> Fit:
     """Fit the parameters of `box` to the measurements; raises InputInvalid if nothing converges.
 
-    `problem` is that of `box` and `grid`, if it was made before. `progress` is called with the
-    number of each iteration and the root mean square of the weighted residuals. An interrupt
-    (Ctrl-C) ends the fit with the best values so far.
+    `problem` is that of `box` and `grid`, if it was made before. `residuals` is one of RESIDUALS
+    (assumptions.py). `progress` is called with the number of each iteration and the root mean
+    square of the weighted residuals. An interrupt (Ctrl-C) ends the fit with the best values so
+    far.
     """
     p = Shooting(box, grid) if problem is None else problem
-    sigma = FIRST.copy()
-    state = _State(p.at(p.theta, p.guess, sigma))
+    coloured = residuals == "ar1"
+    noise = Noise(FIRST.copy(), np.zeros(12))
+    state = _State(p.at(p.theta, p.guess, noise))
     if not state.point.is_finite:
         raise InputInvalid(AWAY)
     try:
-        for _ in range(_PASSES):
-            _descend(p, state, sigma, progress, coarse=True)
-            before, sigma = sigma, _sigma(p, state.point)
-            if np.all(np.abs(np.log(sigma / before)) < 0.05):
+        for _ in range(_PASSES_COLOURED if coloured else _PASSES):
+            _descend(p, state, noise, progress, coarse=True)
+            before, noise = noise, _noise(p, state.point, coloured)
+            same = np.abs(np.log(noise.sigma / before.sigma)) < 0.05
+            if np.all(same & (np.abs(noise.rho - before.rho) < 0.01)):
                 break
-        _descend(p, state, sigma, progress, coarse=False)
-        sigma = _sigma(p, state.point)
+        _descend(p, state, noise, progress, coarse=False)
+        noise = _noise(p, state.point, coloured)
     except KeyboardInterrupt:
         state.status = "interrupted"
-        sigma = _sigma(p, state.point)
-    point = p.at(state.point.theta, state.point.starts, sigma)
-    rho = np.array([correlation_of_lag_one(values) for values in p.series(point.residual)])
-    information = p.information(point, np.sqrt((1.0 - rho) / (1.0 + rho)))
+        noise = _noise(p, state.point, coloured)
+    point = p.at(state.point.theta, state.point.starts, noise)
+    information = p.information(point)
     if not np.all(np.isfinite(information)):
         raise InputInvalid(AWAY)
-    scaled = np.diag(p.scale)
     inverse = np.linalg.inv(information + PRIOR**2 * np.eye(p.n_p))
+    tested = tuple(
+        whiteness(j, values)
+        for j, values in enumerate(p.series(p.innovations(point, noise)))
+        if j in p.measured
+    )
+    factor = np.ones(p.n_p)
+    if residuals != "white" and not all(t.holds for t in tested):
+        meat = sum(long_run_covariance(s) for s in p.scores(point))
+        wide = np.sqrt(np.diag(inverse @ meat @ inverse) / np.diag(inverse))
+        factor = np.maximum(wide, 1.0)
+    scaled = np.diag(p.scale * factor)
+    size = p.scale * factor
+    plain = list(p.series(point.residual))
     return Fit(
-        point.theta, scaled @ inverse @ scaled, sigma, rho,
-        information / np.outer(p.scale, p.scale), point.starts[0], int(p.seen.sum()),
-        state.iterations, state.status == "converged", state.status,
+        point.theta, scaled @ inverse @ scaled, np.array([_rms(r) for r in plain]).clip(LEAST),
+        np.array([correlation_of_lag_one(r) for r in plain]), information / np.outer(size, size),
+        point.starts[0], int(p.seen.sum()), state.iterations, state.status == "converged",
+        state.status, factor, tested,
     )  # fmt: skip
 
 
@@ -104,10 +129,11 @@ def expected_information(problem: Shooting) -> Array:
     The noise is that of predictions over a window with the start values, so that errors of the
     model count as noise.
     """
-    point = problem.at(problem.theta, problem.guess, FIRST)
-    sigma = _sigma(problem, point)
-    point = problem.at(problem.theta, problem.guess, sigma)
-    rho = np.array([correlation_of_lag_one(values) for values in problem.series(point.residual)])
+    point = problem.at(problem.theta, problem.guess, Noise(FIRST, np.zeros(12)))
+    noise = _noise(problem, point, coloured=False)
+    point = problem.at(problem.theta, problem.guess, noise)
+    # Within windows: each has a start of its own here.
+    rho = np.array([correlation_of_lag_one(r.ravel()) for r in np.moveaxis(point.residual, 2, 0)])
     information = problem.information(point, np.sqrt((1.0 - rho) / (1.0 + rho)))
     return np.asarray(information / np.outer(problem.scale, problem.scale), dtype=np.float64)
 
@@ -122,11 +148,11 @@ class _State:
 
 
 def _descend(
-    p: Shooting, state: _State, sigma: Array, progress: Callable[[int, float], None], coarse: bool
+    p: Shooting, state: _State, noise: Noise, progress: Callable[[int, float], None], coarse: bool
 ) -> None:
     """Step until neither the objective nor the gaps become smaller."""
     low, high = (np.array([getattr(f, end) for f in p.box.fitted]) for end in ("low", "high"))
-    state.point = p.at(state.point.theta, state.point.starts, sigma)
+    state.point = p.at(state.point.theta, state.point.starts, noise)
     samples, penalty = max(int(p.seen.sum()), 1), 1.0
     for _ in range(_ITERATIONS):
         here = state.point
@@ -140,7 +166,7 @@ def _descend(
             return
         share, merit = 1.0, here.objective + penalty * gaps
         while True:
-            there = p.at(here.theta + share * d_theta, here.starts + share * d_starts, sigma)
+            there = p.at(here.theta + share * d_theta, here.starts + share * d_starts, noise)
             expected = 1e-4 * share * (slope - penalty * gaps)
             if there.is_finite:
                 found = there.objective + penalty * float(np.abs(there.gap).sum())
@@ -156,19 +182,14 @@ def _descend(
     state.status = f"{_ITERATIONS} iterations were not enough"
 
 
-def _sigma(p: Shooting, point: Point) -> Array:
-    good = [values[np.isfinite(values)] for values in p.series(point.residual)]
-    return np.array(
-        [max(float(np.sqrt(np.mean(r**2))), least) if len(r) else 1.0
-         for r, least in zip(good, LEAST, strict=True)]
-    )  # fmt: skip
+def _noise(p: Shooting, point: Point, coloured: bool) -> Noise:
+    """Return sigma of the residuals; if they are autoregressive, that of innovations, and rho."""
+    every = list(p.series(point.residual))
+    rho = np.array([correlation_of_lag_one(r) if coloured else 0.0 for r in every])
+    sigma = np.array([_rms(r) for r in every]) * np.sqrt(1.0 - rho**2)
+    return Noise(np.where(np.isin(np.arange(12), p.measured), np.maximum(sigma, LEAST), 1.0), rho)
 
 
-def correlation_of_lag_one(values: Array) -> float:
-    """Return the correlation of residuals with those of the step before, limited to 0 … 0.98."""
-    a, b = values[:-1], values[1:]
-    both = np.isfinite(a) & np.isfinite(b)
-    if both.sum() < 8:
-        return 0.0
-    power = float(np.mean(a[both] ** 2))
-    return float(np.clip(np.mean(a[both] * b[both]) / power, 0.0, 0.98)) if power > 0 else 0.0
+def _rms(values: Array) -> float:
+    good = values[np.isfinite(values)]
+    return float(np.sqrt(np.mean(good**2))) if len(good) else 1.0

@@ -4,6 +4,10 @@ It holds the hull, the components with fitted parameters, and those on the short
 to the hull. All its other inputs are signals: recorded, or computed beforehand by declarations
 from recorded signals. Values pass between its components without delay; the delays of the
 communication steps are applied to the inputs instead, as a shift in time.
+
+An unknown delay of commands and forces is a small one, by which w + delay dw moves each of them;
+dw is an input too, the derivative by the delay. A current is added to that of the system, and a
+bias to its output.
 """
 
 from __future__ import annotations
@@ -19,6 +23,7 @@ from numpy.typing import NDArray
 
 from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.orchestrator.plan.plan import Plan
+from uuvsim_cosim.studies.identification.assumptions import MEASURED, WATER
 from uuvsim_cosim.studies.identification.parameters import HULL_STATES, Fitted, Part
 
 __all__ = ["Feed", "GreyBox", "feed_of"]
@@ -71,8 +76,11 @@ class GreyBox:
                     "equations and tables alone",
                 )
         self.theta = ca.SX.sym("theta", len(self.fitted))
+        self._names = {f.name: j for j, f in enumerate(self.fitted) if not f.places}
+        self.delay = self._names.get("delay")  # its place in theta
         self.feeds: list[Feed] = []
         self._w: list[Any] = []
+        self._dw: dict[int, Any] = {}  # of the feeds that an unknown delay moves
         self._outputs: dict[tuple[int, str], Any] = {}
         self._open: list[str] = []
         self._time = ca.SX.sym("t")
@@ -87,8 +95,12 @@ class GreyBox:
                 rates.append(self._closed(i, part.model.derivatives[v.name]))
         self.x = ca.vertcat(*states)
         y = ca.vertcat(*(self._output(hull, n) for n in ("eta", "nu")))
+        for k, name in enumerate(MEASURED):
+            if (j := self._names.get(f"bias_{name}")) is not None:
+                y[k] += self.theta[j]
         nu_dot = self._output(hull, "nu_dot")
-        self.w = ca.vertcat(*self._w) if self._w else ca.SX(0, 1)
+        symbols = [*self._w, *self._dw.values()]
+        self.w = ca.vertcat(*symbols) if symbols else ca.SX(0, 1)
         arguments = [self.x, self.w, self.theta]
         zero = [self._time], [ca.SX(0)]
         self.f = ca.Function("f", arguments, ca.substitute([ca.vertcat(*rates)], *zero))
@@ -185,9 +197,18 @@ class GreyBox:
             here = following
         feed = replace(feed, delay=delay * self.tick)
         if feed not in self.feeds:
+            if self.delay is not None and feed.variable not in WATER:
+                self._dw[len(self.feeds)] = ca.SX.sym(f"dw_{len(self._w)}")
             self.feeds.append(feed)
             self._w.append(ca.SX.sym(f"w_{len(self._w)}"))
-        return self._w[self.feeds.index(feed)]
+        k = self.feeds.index(feed)
+        value = self._w[k]
+        if self.delay is not None and k in self._dw:
+            value = value + self.theta[self.delay] * self._dw[k]
+        if (i, name) == (self.hull, "v_c"):
+            of = self._names.get(f"current_{'NED'[element]}")
+            value = value if of is None else value + self.theta[of]
+        return value
 
     # ---- numbers ------------------------------------------------------------------------------
 
@@ -224,6 +245,11 @@ class GreyBox:
             d = part.f.derived(part.p)
             parts.append(np.array(part.f.initial(part.p, d)).ravel())
         return np.concatenate(parts)
+
+    @property
+    def delayed(self) -> tuple[int, ...]:
+        """Return the feeds that an unknown delay moves."""
+        return tuple(self._dw)
 
     def label(self, feed: Feed) -> str:
         """Return the name of a feed as a signal of a recording."""

@@ -16,6 +16,8 @@ from uuvsim_cosim.orchestrator.plan.plan import Plan
 from uuvsim_cosim.orchestrator.recording.signals import Signals
 from uuvsim_cosim.orchestrator.system.system import System
 from uuvsim_cosim.studies.identification.ambiguity import WEAK, ambiguities, scaled_information
+from uuvsim_cosim.studies.identification.assumptions import MEASURED, Assumptions
+from uuvsim_cosim.studies.identification.residuals import Whiteness, warning_of
 
 if TYPE_CHECKING:
     from uuvsim_cosim.studies.identification.experiment import Proposal
@@ -41,6 +43,7 @@ class Number:
     unit: str
     places: tuple[str, ...]
     at_bound: bool
+    nuisance: bool = False  # no parameter of the system: a delay, a bias, a current
 
     @property
     def half_width(self) -> float:
@@ -73,7 +76,8 @@ class Identified:
     on what the data do not determine, and `proposals` are manoeuvres that would determine it.
     `hull`, `source`, `held` and `actuators` are the fitted components with their other parameters.
     `recording`, `samples`, `seconds` and `step` describe the data, and `iterations`, `converged`,
-    `status` and `notes` the solution.
+    `status` and `notes` the solution. `assumed` are messages on what the fit assumes, and
+    `whiteness` are tests of the residuals; `warning` tells what to do if one fails.
 
     Example: a vehicle that does not turn tells nothing about the damping of a turn.
 
@@ -103,6 +107,9 @@ class Identified:
     converged: bool
     status: str
     notes: tuple[str, ...]
+    assumed: tuple[str, ...] = ()  # about inputs, sensors, water and residuals
+    whiteness: tuple[Whiteness, ...] = ()  # tests of the residuals, by signal
+    warning: str | None = None  # if the residuals are not white
 
     def __getitem__(self, name: str) -> Number:
         """Return a number by its name; the hull's without its path too."""
@@ -123,6 +130,7 @@ def identify(
     first: float = 0.0,
     last: float | None = None,
     proposals: bool = True,
+    assumed: Assumptions | None = None,
     report: Callable[[str], None] = lambda text: None,
     progress: Callable[[int, float], None] = lambda iteration, residual: None,
 ) -> Identified:
@@ -136,6 +144,8 @@ def identify(
     a signal of the system to that of the recording that stands for it. `hull` is the path of the
     hull, if the system has several. `step` [s] is that of the grid, and only the time from `first`
     to `last` [s] is used. With `proposals`, manoeuvres that would tell more are computed as well.
+    `assumed` states how inputs vary between samples, and which delays, biases and currents are
+    unknown; by default, inputs are held and nothing of that is unknown.
     Before the fit, `report` is called with each text on which parameters the recording determines,
     by Fisher information at their start values. `progress` is called with the number of each
     iteration and the root mean square of the weighted residuals. Ctrl-C ends the fit, and the best
@@ -160,27 +170,30 @@ def identify(
     from uuvsim_cosim.studies.identification.logs import read_log
     from uuvsim_cosim.studies.identification.parameters import wanted_parameters
     from uuvsim_cosim.studies.identification.shooting import Shooting
-    from uuvsim_cosim.studies.identification.signals import MEASURED, Lookup, grid_of
+    from uuvsim_cosim.studies.identification.signals import Lookup, grid_of
 
+    assumed = assumed or Assumptions()
     signals = recording if isinstance(recording, Signals) else read_log(recording)
     mixed = system if isinstance(system, System) else recorded_system(signals, system)
     plan = flatten(mixed.with_mismatches("warn"))  # a hull whose numbers are sought is another
     at = _hull(plan, hull)
     _check_thrusters(signals, plan)
+    lookup = Lookup(signals, mapped or {})
     fitted = wanted_parameters(plan, at, parameters)
+    fitted += assumed.unknowns(lookup.measured(plan.components[at].path))
     box = GreyBox(plan, at, fitted, exact="tick" in signals.metadata)
-    grid = grid_of(box, Lookup(signals, mapped or {}), h=step, first=first, last=last)
+    grid = grid_of(box, lookup, h=step, first=first, last=last, assumed=assumed)
     problem = Shooting(box, grid)
     for text in expectation(fitted, expected_information(problem)):
         report(text)
-    found = fit(box, grid, problem=problem, progress=progress)
-    start = np.array([f.start for f in fitted])
+    found = fit(box, grid, problem=problem, residuals=assumed.residuals, progress=progress)
     error = np.sqrt(np.maximum(np.diag(found.covariance), 0.0))
     numbers = tuple(
         Number(
             f.name, float(v), float(v - 1.96 * s), float(v + 1.96 * s), f.start, f.unit,
             tuple(f"{plan.components[i].path}.{n}" for i, n in f.places),
-            bool(min(abs(v - f.low), abs(v - f.high)) < 1e-4 * max(abs(f.start), 1e-9)),
+            bool(min(abs(v - f.low), abs(v - f.high)) < 1e-4 * max(abs(f.start), f.size, 1e-9)),
+            not f.places,
         )
         for f, v, s in zip(fitted, found.theta, error, strict=True)
     )  # fmt: skip
@@ -220,7 +233,7 @@ def identify(
         {n: float(s) for (n, seen), s in zip(measured.items(), found.sigma, strict=True) if seen},
         tuple(
             ambiguities(
-                [f.name for f in fitted], scaled_information(found.information, found.theta, start)
+                [f.name for f in fitted], scaled_information(found.information, found.theta, fitted)
             )
         ),
         flown,
@@ -236,18 +249,21 @@ def identify(
         found.converged,
         found.status,
         tuple(notes),
+        tuple(assumed.texts),
+        found.whiteness,
+        warning_of(found.whiteness, found.widened, assumed.residuals),
     )
 
 
 def expectation(fitted: Sequence[Fitted], information: Array) -> list[str]:
     """Return messages on which parameters a recording determines, by its Fisher information."""
     start = np.array([f.start for f in fitted])
-    scaled = scaled_information(information, start, start)
+    scaled = scaled_information(information, start, fitted)
     covariance = np.linalg.inv(scaled + 1e-6 * np.eye(len(fitted)))
     shares = 1.96 * np.sqrt(np.maximum(np.diag(covariance), 0.0))
     known: list[str] = []
     others: list[str] = []
-    for f, share in zip(fitted, shares, strict=True):
+    for f, share in ((f, s) for f, s in zip(fitted, shares, strict=True) if f.places):
         told = f"{f.name} (± {100 * share:.2g} %)" if share < 10.0 else f.name
         (known if share < 2.0 * WEAK else others).append(told)
     texts = []
@@ -264,7 +280,9 @@ def unanswered(numbers: Sequence[Number], flown: Sequence[Proposal]) -> list[str
     undetermined = [
         n.name
         for k, n in enumerate(numbers)
-        if n.half_width > limits[k] and all(p.half_widths[k] > limits[k] for p in flown)
+        if not n.nuisance
+        and n.half_width > limits[k]
+        and all(p.half_widths[k] > limits[k] for p in flown)
     ]
     if not undetermined or not flown:
         return []

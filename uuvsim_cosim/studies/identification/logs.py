@@ -1,4 +1,4 @@
-"""Recordings and logs of vehicles as signals: Parquet, MCAP and CSV, ArduSub's .BIN and .tlog."""
+"""Recordings and logs of vehicles as signals, each by the reader of its format."""
 
 from __future__ import annotations
 
@@ -12,8 +12,21 @@ from numpy.typing import NDArray
 
 from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.models.declaration.element_names import split_element_name
+from uuvsim_cosim.models.declaration.near_names import expected_names
 from uuvsim_cosim.orchestrator.recording.recording_reader import read_signals
 from uuvsim_cosim.orchestrator.recording.signals import Signals
+from uuvsim_cosim.studies.identification.bag_log import is_bag, read_bag
+from uuvsim_cosim.studies.identification.channels import NONE, Channel, assigned
+from uuvsim_cosim.studies.identification.dataflash_log import read_dataflash
+from uuvsim_cosim.studies.identification.log_signals import signals_of_log
+from uuvsim_cosim.studies.identification.px4_log import read_px4
+from uuvsim_cosim.studies.identification.telemetry_log import read_telemetry
+from uuvsim_cosim.studies.identification.vehicle_log import (
+    SIZES,
+    VehicleLog,
+    check_order,
+    check_pauses,
+)
 
 __all__ = ["read_log", "read_parameter_file"]
 
@@ -26,7 +39,14 @@ _REFERENCE = {
     "tau": ("X_N", "Y_N", "Z_N", "K_Nm", "M_Nm", "N_Nm"),
     "v_c": ("vc_N_mps", "vc_E_mps", "vc_D_mps"),
 }
+_EXPECTED = "a folder of a run, .parquet, .mcap, .csv, .BIN, .tlog, .ulg, .db3, .bag or a rosbag2"
+_MAP = "--map component.variable=signal"
+# Quantities of a log that no system has as a signal.
+_LOGGED = {"attitude", "rates", "position", "dvl", "depth", "pwm", "armed"}
 _FACTORS = {
+    "ms": 1e-3,
+    "us": 1e-6,
+    "ns": 1e-9,
     "deg": pi / 180.0,
     "deg/s": pi / 180.0,
     "km": 1e3,
@@ -36,27 +56,30 @@ _FACTORS = {
 }
 
 
-def read_log(path: str | Path, parameters: Mapping[str, float] | None = None) -> Signals:
+def read_log(
+    path: str | Path,
+    parameters: Mapping[str, float] | None = None,
+    channels: Mapping[str, Channel] = NONE,
+) -> Signals:
     """Read a recording or a log by its suffix; raises InputInvalid or RecordingError.
 
-    `parameters` are an autopilot's, in addition to those of its log.
+    `parameters` are an autopilot's, in addition to those of its log. `channels` say where a
+    quantity of the vehicle is in the log, instead of the usual place.
     """
     path = Path(path)
     if not path.exists():
-        raise InputInvalid(
-            path, "no such recording", "a folder of a run, .parquet, .mcap, .csv, .BIN or .tlog"
-        )
+        raise InputInvalid(path, "no such recording", _EXPECTED)
     suffix = path.suffix.lower()
     if suffix == ".csv":
-        return _csv(path)
-    if suffix in (".bin", ".tlog"):
-        return _ardusub(path, parameters or {})
+        return _csv(path, parameters or {}, channels)
+    if suffix in (".bin", ".tlog", ".ulg"):
+        return _autopilot(path, parameters or {}, channels)
+    if is_bag(path):
+        return signals_of_log(read_bag(path, parameters or {}, channels))
+    if channels:
+        raise InputInvalid(f"{path}: {next(iter(channels.values()))}", "a recording of a run", _MAP)
     if path.is_file() and suffix not in (".parquet", ".arrows", ".mcap"):
-        raise InputInvalid(
-            path,
-            f"{suffix or 'a file without suffix'!r} is not read",
-            "a folder of a run, .parquet, .mcap, .csv, .BIN or .tlog",
-        )
+        raise InputInvalid(path, f"{suffix or 'a file without suffix'!r} is not read", _EXPECTED)
     found = read_signals(path)
     return Signals(
         found.time, found.ticks, found.values_by_name, found.units, found.descriptions,
@@ -67,7 +90,41 @@ def read_log(path: str | Path, parameters: Mapping[str, float] | None = None) ->
 # ---- CSV --------------------------------------------------------------------------------------
 
 
-def _csv(path: Path) -> Signals:
+def _csv(path: Path, parameters: Mapping[str, float], channels: Mapping[str, Channel]) -> Signals:
+    """Read a table: signals of a system, or the quantities of a vehicle's log.
+
+    It is a log if columns have names of quantities that no signal has, such as ``attitude[1]``, or
+    with channels.
+    """
+    t, columns = _columns(path)
+    named = _gathered(columns)
+    if not channels and not _LOGGED & named.keys():
+        finite = t[np.isfinite(t)]
+        if len(finite):
+            check_order(path, "the column of time", finite)
+        check_pauses(path, np.maximum.accumulate(finite))
+        return _signals(t, named, path)
+
+    def read(channel: Channel) -> tuple[Array, Array]:
+        names = [n.strip() for n in channel.place.split(",")]
+        for n in names:
+            if n not in columns:
+                raise InputInvalid(
+                    f"{path}: {channel}", f"no column {n!r}", expected_names(n, sorted(columns))
+                )
+        return t, np.stack([columns[n] for n in names], axis=1)
+
+    own = {n: Channel(n, n) for n in SIZES if n in named and n not in channels}
+    series = assigned(path, own, lambda c: (t, named[c.place].reshape(len(t), -1)))
+    series |= assigned(path, channels, read)
+    unread = sorted(named.keys() - own.keys())
+    remarks = (
+        (f"columns that are not read: {', '.join(unread)}",) if unread and not channels else ()
+    )
+    return signals_of_log(VehicleLog(path, series, parameters, "", remarks))
+
+
+def _columns(path: Path) -> tuple[Array, dict[str, Array]]:
     """Read names in the first line, units in the second (or none), then numbers."""
     import csv
 
@@ -105,8 +162,7 @@ def _csv(path: Path) -> Signals:
     for j in range(len(names)):
         table[:, j] *= _FACTORS.get(units[j], 1.0)
     t = table[:, names.index(time)]
-    columns = {n: table[:, j] for j, n in enumerate(names) if n != time}
-    return _signals(t, _gathered(columns), path)
+    return t, {n: table[:, j] for j, n in enumerate(names) if n != time}
 
 
 def _is_number(text: str) -> bool:
@@ -142,15 +198,22 @@ def _signals(t: Array, values: Mapping[str, Array], path: Path) -> Signals:
     return Signals(t, np.arange(len(t)), dict(values), {}, metadata={"file": str(path)})
 
 
-# ---- ArduSub ----------------------------------------------------------------------------------
+# ---- autopilots -------------------------------------------------------------------------------
 
 
-def _ardusub(path: Path, parameters: Mapping[str, float]) -> Signals:
-    from uuvsim_cosim.studies.identification.ardusub import signals_of_log
-    from uuvsim_cosim.studies.identification.dataflash_log import read_dataflash
-    from uuvsim_cosim.studies.identification.telemetry_log import read_telemetry
-
-    log = (read_dataflash if path.suffix.lower() == ".bin" else read_telemetry)(path)
+def _autopilot(
+    path: Path, parameters: Mapping[str, float], channels: Mapping[str, Channel]
+) -> Signals:
+    suffix = path.suffix.lower()
+    if suffix == ".ulg":
+        return signals_of_log(read_px4(path, parameters, channels))
+    if suffix == ".bin":
+        log = read_dataflash(path, channels)
+    elif channels:
+        channel = next(iter(channels.values()))
+        raise InputInvalid(f"{path}: {channel}", "a .tlog has no channels", "a .BIN of the dive")
+    else:
+        log = read_telemetry(path)
     return signals_of_log(replace(log, parameters={**log.parameters, **parameters}))
 
 

@@ -26,7 +26,11 @@ HULL_STATES = ("p", "q_nb", "nu_b")
 
 @dataclass(frozen=True)
 class Fitted:
-    """One number to fit: its name, places, start value, unit and bounds."""
+    """One number to fit: its name, places, start value, unit and bounds.
+
+    One without places is no parameter of the system (a nuisance parameter), and `size` is the
+    size that it may have.
+    """
 
     name: str
     places: tuple[tuple[int, str], ...]  # component, parameter or input: all get this number
@@ -34,6 +38,12 @@ class Fitted:
     unit: str
     low: float
     high: float
+    size: float = 0.0
+
+    @property
+    def scale(self) -> float:
+        """Return the size by which the fit divides it."""
+        return self.size or (abs(self.start) if abs(self.start) > 1e-9 else 1.0)
 
 
 class Part:

@@ -7,12 +7,16 @@
 from its end: the rows that hold for s_(i + 1) become rows for s_i and theta, and a QR decomposition
 keeps them few (as in a square-root information filter). Parts of the recording that are left out
 separate its runs, each with an initial state of its own.
+
+If residuals are autoregressive, e_k = rho e_(k - 1) + innovation, rows are differences of
+successive residuals, so that the innovations are minimised. The end of a window is the start of the
+next one, so that no difference between windows is lost.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, final
 
 import numpy as np
@@ -25,12 +29,22 @@ from uuvsim_cosim.studies.identification.signals import ANGLES, Grid
 if TYPE_CHECKING:
     from scipy.spatial.transform import Rotation
 
-__all__ = ["PRIOR", "Point", "Shooting", "measured_motion"]
+__all__ = ["PRIOR", "Noise", "Point", "Shooting", "measured_motion"]
 
 Array = NDArray[np.float64]
 _WINDOW = 3.0  # s
 PRIOR = 3e-2  # of theta, over its scale: too weak to matter unless the data hold no information
+_WEAK = 0.1  # weight of a run's first state, where the data do not determine it
+_BETWEEN = 64  # points that separate runs in a series
 _GROWTH = 1e10  # of the derivatives over the windows of a run, beyond which it is cut
+
+
+@dataclass(frozen=True)
+class Noise:
+    """Of each signal (12,): sigma of residuals, or of innovations, and their correlation rho."""
+
+    sigma: Array
+    rho: Array
 
 
 @dataclass(frozen=True)
@@ -64,31 +78,34 @@ class Shooting:
         self.box = box
         self.n_x, self.n_p = box.x.numel(), len(box.fitted)
         self.theta = np.array([f.start for f in box.fitted])
-        self.scale = np.where(np.abs(self.theta) > 1e-9, np.abs(self.theta), 1.0)
+        self.scale = np.array([f.scale for f in box.fitted])
+        self.grid = grid
         self.m = max(1, round(_WINDOW / grid.h))
         places = [(a, b, k) for a, b in grid.runs for k in range(a, b, self.m)]
         count = len(places)
-        inputs = np.zeros((count, self.m, len(grid.w)))
         self.y = np.full((count, self.m + 1, 12), np.nan)
+        self.own = np.zeros((count, self.m + 1), bool)  # its last point is that of the next window
         self.follows = np.zeros(count, bool)  # the window before
+        self.steps = np.zeros((count, self.m), int)  # of the grid
         for i, (a, b, k) in enumerate(places):
             steps = min(self.m, b - k)
-            inputs[i, :steps] = grid.w[:, k : k + steps].T
-            inputs[i, steps:] = inputs[i, steps - 1]
-            points = steps + (k + steps == b)  # the last point belongs to the window behind it
-            self.y[i, :points] = grid.y[:, k : k + points].T
+            self.steps[i] = k + np.minimum(np.arange(self.m), steps - 1)
+            self.y[i, : steps + 1] = grid.y[:, k : k + steps + 1].T
+            self.own[i, : steps + (k + steps == b)] = True
             self.follows[i] = k > a
-        self.windows = Windows(box, inputs, grid.h)
-        self.seen = np.isfinite(self.y)
+        self.windows = Windows(box, self._inputs(grid.w), grid.h)
+        self.delay = 0.0 if box.delay is None else float(self.theta[box.delay])
+        self.there = np.isfinite(self.y)
+        self.seen = self.there & self.own[..., None]
         self.measured = np.flatnonzero(self.seen.any(axis=(0, 1)))  # signals
         self.guess = _guess(self, grid, [k for _, _, k in places])
         self.x_scale = np.maximum(np.abs(self.guess).max(axis=0), 0.1)
         self.cuts = self._cut()
 
-    def at(self, theta: Array, starts: Array, sigma: Array) -> Point:
+    def at(self, theta: Array, starts: Array, noise: Noise) -> Point:
         """Linearise at theta and the windows' initial states (S, n_x)."""
         with np.errstate(over="ignore", invalid="ignore"):  # of a step that is then refused
-            return self._linearised(theta, starts, sigma)
+            return self._linearised(theta, starts, noise)
 
     def step(self, point: Point, low: Array, high: Array) -> tuple[Array, Array, float, float]:
         """Return the changes of theta and of the states, and what they do to the objective.
@@ -129,39 +146,80 @@ class Shooting:
             curvature += float(change @ change)
         return self.scale * d_theta, self.x_scale * d_states, slope, curvature
 
-    def information(self, point: Point, factor: Array) -> Array:
+    def information(self, point: Point, factor: Array | None = None) -> Array:
         """Return the Fisher information of theta (scaled), with all states eliminated.
 
         `factor` (12,) multiplies the weights of each signal.
         """
-        shape = (len(self.follows), self.m + 1, len(self.measured), self.n_x + self.n_p + 1)
-        wide = point.rows.reshape(shape) * factor[self.measured, None]
-        rows = wide.reshape(point.rows.shape)
+        rows = point.rows
+        if factor is not None:
+            shape = (len(self.follows), self.m + 1, len(self.measured), self.n_x + self.n_p + 1)
+            rows = (rows.reshape(shape) * factor[self.measured, None]).reshape(rows.shape)
         weak = np.zeros((self.n_x, self.n_x + self.n_p + 1))
-        weak[:, : self.n_x] = 0.1 * np.eye(self.n_x)
-        weighted = Point(
-            point.theta, point.starts, point.residual, rows, point.A, point.B, point.gap, 0.0
-        )
+        weak[:, : self.n_x] = _WEAK * np.eye(self.n_x)
+        weighted = replace(point, rows=rows)
         first = self._first_rows(weighted, [weak] * int(np.sum(~self.follows)))
         of_theta = [r[self.n_x :, self.n_x : -1] for r in first.values()]
         return np.asarray(sum(r.T @ r for r in of_theta), dtype=float)
 
+    def scores(self, point: Point) -> list[Array]:
+        """Return, for each run, the scores of theta (scaled) at its points (n, n_p).
+
+        A score is the derivative of half of the point's square, with the run's states eliminated.
+        """
+        n_x, found = self.n_x, []
+        firsts = np.flatnonzero(~self.follows)
+        for a, b in zip(firsts, [*firsts[1:], len(self.follows)], strict=True):
+            total = np.zeros((b - a, point.rows.shape[1], n_x + self.n_p))
+            here = np.eye(n_x, n_x + self.n_p)  # of the window's start by the run's and theta
+            for i in range(a, b):
+                total[i - a] = point.rows[i, :, :n_x] @ here
+                total[i - a, :, n_x:] += point.rows[i, :, n_x:-1]
+                here = point.A[i] @ here
+                here[:, n_x:] += point.B[i]
+            every = total.reshape(-1, n_x + self.n_p)
+            weak = np.vstack([every[:, :n_x], _WEAK * np.eye(n_x)])
+            Q, _ = np.linalg.qr(weak)
+            rest = np.vstack([every[:, n_x:], np.zeros((n_x, self.n_p))])
+            rest = (rest - Q @ (Q.T @ rest))[: len(every)]
+            each = rest * point.rows[a:b, :, -1].reshape(-1, 1)
+            shape = (b - a, self.m + 1, -1, self.n_p)
+            at = self.m * np.arange(b - a)[:, None] + np.arange(self.m + 1)
+            series = np.zeros((self.m * (b - a) + 1, self.n_p))
+            np.add.at(series, at, each.reshape(shape).sum(axis=2))
+            found.append(series)
+        return found
+
     # ---- inside -------------------------------------------------------------------------------
 
-    def _linearised(self, theta: Array, starts: Array, sigma: Array) -> Point:
-        y, dy, end, dend = self.windows(starts, theta)
+    def _inputs(self, w: Array) -> Array:
+        """Return inputs (S, m, 2 n_w) of the windows from those of the grid's steps."""
+        return np.ascontiguousarray(w.T[self.steps])
+
+    def _linearised(self, theta: Array, starts: Array, noise: Noise) -> Point:
+        around = theta
+        if (place := self.box.delay) is not None:  # inputs are delayed, and dw is what is left
+            if theta[place] != self.delay:
+                self.delay = float(theta[place])
+                self.windows.inputs = self._inputs(self.grid.inputs.at(self.delay))
+            around = theta.copy()
+            around[place] = 0.0
+        y, dy, end, dend = self.windows(starts, around)
         residual = y - self.y
         residual[..., ANGLES] = np.arctan2(
             np.sin(residual[..., ANGLES]), np.cos(residual[..., ANGLES])
         )
-        residual[~self.seen] = np.nan
         scales = np.concatenate([self.x_scale, self.scale])
-        weights = np.where(self.seen, 1.0 / sigma, 0.0)
         j = self.measured
         rows = np.concatenate(
             [dy[:, :, j] * scales, np.nan_to_num(residual[..., j])[..., None]], axis=-1
         )
-        rows *= weights[..., j, None]
+        residual[~self.seen] = np.nan
+        if noise.rho.any():
+            rows = self._innovations(rows, noise.rho[j])
+        else:
+            rows *= self.seen[..., j, None]
+        rows /= noise.sigma[j, None]
         rows = rows.reshape(len(starts), -1, self.n_x + self.n_p + 1)
         derivative = dend * scales / self.x_scale[:, None]
         gap = np.zeros_like(end)
@@ -176,6 +234,18 @@ class Shooting:
             theta, starts, residual, rows, derivative[..., : self.n_x],
             derivative[..., self.n_x :], gap, 0.5 * squares,
         )  # fmt: skip
+
+    def _innovations(self, rows: Array, rho: Array) -> Array:
+        """Return differences of successive rows; without a predecessor, rows of less weight."""
+        there = self.there[..., self.measured]
+        used = there.copy()
+        used[self.follows, 0] = False  # the difference to it is in the window before
+        least = np.sqrt(1.0 - rho**2)
+        new = rows * (used * least)[..., None]
+        both = there[:, 1:] & there[:, :-1]
+        change = rows[:, 1:] - rho[:, None] * rows[:, :-1]
+        new[:, 1:] = np.where(both[..., None], change, new[:, 1:])
+        return np.asarray(new, dtype=np.float64)
 
     def _first_rows(self, point: Point, prior: list[Array]) -> dict[int, Array]:
         """Return, for each run, triangular rows in its first state, theta and the residual."""
@@ -220,7 +290,7 @@ class Shooting:
 
     def _cut(self) -> int:
         """Cut runs where an unstable model makes the state depend on the first one too strongly."""
-        point = self.at(self.theta, self.guess, np.ones(12))
+        point = self.at(self.theta, self.guess, Noise(np.ones(12), np.zeros(12)))
         cuts, grown = 0, np.eye(self.n_x)
         for i in range(1, len(self.follows)):
             grown = point.A[i - 1] @ grown if self.follows[i] else np.eye(self.n_x)
@@ -229,10 +299,26 @@ class Shooting:
                 cuts, grown = cuts + 1, np.eye(self.n_x)
         return cuts
 
-    def series(self, residual: Array) -> Iterator[Array]:
-        """Yield the residuals of each signal over all windows, NaN between them."""
+    def series(self, values: Array) -> Iterator[Array]:
+        """Yield values (S, m + 1, 12) of each signal over time, NaN where none is."""
+        run = np.cumsum(~self.follows) - 1
+        first = self.m * np.arange(len(run)) + _BETWEEN * run
+        at = first[:, None] + np.arange(self.m + 1)
         for j in range(12):
-            yield residual[:, :, j].ravel()
+            good = np.isfinite(values[..., j])
+            found = np.full(int(at[-1, -1]) + 1, np.nan)
+            found[at[good]] = values[..., j][good]
+            yield found
+
+    def innovations(self, point: Point, noise: Noise) -> Array:
+        """Return the residuals (S, m + 1, 12) less what their predecessors tell, NaN for none."""
+        j = self.measured
+        values = point.rows[..., -1].reshape(len(self.follows), self.m + 1, len(j))
+        used = self.there.copy()
+        used[self.follows, 0] = False
+        found = np.full(self.y.shape, np.nan)
+        found[..., j] = np.where(used[..., j], values * noise.sigma[j], np.nan)
+        return found if noise.rho.any() else point.residual
 
 
 def _triangular(rows: Array) -> Array:

@@ -1,8 +1,9 @@
 """Recording, resampled on the time grid of a fit: inputs of each step, and measurements.
 
-An input is held from one sample to the next. On the grid, it is a straight line over each step with
-the same impulse and first moment. A measurement is the mean of the samples within half a step of a
-grid point, and NaN without a sample. A missing signal is refused by name, with similar names.
+An input varies between its samples as the assumptions say. On the grid, it is a straight line over
+each step with the same impulse and first moment. A measurement is the mean of the samples within
+half a step of a grid point, and NaN without a sample. A missing signal is refused by name, with
+similar names.
 """
 
 from __future__ import annotations
@@ -25,33 +26,36 @@ from uuvsim_cosim.orchestrator.plan.plan import Plan
 from uuvsim_cosim.orchestrator.recording.signals import Signals
 from uuvsim_cosim.orchestrator.system.resolve import resolve
 from uuvsim_cosim.orchestrator.system.sources import ModelSource
+from uuvsim_cosim.studies.identification.assumptions import MEASURED, WATER, Assumptions
 from uuvsim_cosim.studies.identification.exclusions import kept_spans
 from uuvsim_cosim.studies.identification.fitted_model import Feed, GreyBox, feed_of
+from uuvsim_cosim.studies.identification.inputs import Curve, Inputs
 
-__all__ = ["ANGLES", "MEASURED", "Grid", "Lookup", "grid_of"]
+__all__ = ["ANGLES", "Grid", "Lookup", "grid_of"]
 
 Array = NDArray[np.float64]
-MEASURED = (
-    "N", "E", "D", "phi", "theta", "psi", "u", "v", "w", "p", "q", "r",
-)  # fmt: skip
 ANGLES = (3, 4, 5)
 _FORCES = {"thrust", "tau", "force"}
 _FINE, _FINEST = 0.05, 0.02  # s: the longest and the shortest step that is chosen
 _ENOUGH_STEPS, _MOST_STEPS = 1500, 100_000
 _PITCH = 1.65  # rad: more than pi/2 with noise
 _RUN = 3.0  # s: shorter parts are not fitted
+_DELAYED = 0.2  # s after the first sample at which the grid begins if the delay is unknown
+_FINE_PARTS = 4  # of a sample interval in which computed forces are linear
 
 
 @dataclass(frozen=True)
 class Grid:
     """K + 1 points [s] a step h apart: feeds w, measured y (12, K + 1), NaN for none.
 
-    w (2 n_w, K) holds each feed's mean over a step, then its change along the step.
+    w (2 n_w, K) holds each feed's mean over a step, then its change along the step; `inputs` gives
+    it for another delay.
     """
 
     t: Array
     h: float
     w: Array
+    inputs: Inputs
     y: Array
     computed: tuple[str, ...]  # what was computed from recorded signals beforehand
     measured: tuple[str, ...]  # the signals that eta and nu were read from
@@ -88,6 +92,15 @@ class Lookup:
                 return candidate
         return None
 
+    def measured(self, hull: str) -> list[str]:
+        """Return which of MEASURED are recorded of the hull with this path."""
+        found = []
+        for k, signal in ((0, "eta"), (6, "nu")):
+            name = self.find(f"{hull}.{signal}")
+            columns = self.values(name).T[:6] if name is not None else ()
+            found += [MEASURED[k + j] for j, c in enumerate(columns) if np.isfinite(c).any()]
+        return found
+
     def values(self, name: str) -> Array:
         """Return the values of a signal, or of an element of one, as (n, size)."""
         base, indices = (name, ()) if name in self.signals else split_element_name(name)
@@ -109,13 +122,22 @@ class Lookup:
 
 
 def grid_of(
-    box: GreyBox, lookup: Lookup, *, h: float | None, first: float, last: float | None
+    box: GreyBox,
+    lookup: Lookup,
+    *,
+    h: float | None,
+    first: float,
+    last: float | None,
+    assumed: Assumptions | None = None,
 ) -> Grid:
     """Lay the signals that `box` needs on a grid from `first` to `last` [s]."""
+    assumed = assumed or Assumptions()
     t, place = _times(lookup.signals, first, last)
     # Delayed inputs of the first steps lie before the recording: the grid begins after them.
-    begin = float(t[min(np.searchsorted(t, t[0] + max((f.delay for f in box.feeds), default=0.0)
-                                        - 1e-9), len(t) - 1)])  # fmt: skip
+    known = 0.0 if box.delay is not None else assumed.delay
+    delays = [f.delay + (0.0 if f.variable in WATER else known) for f in box.feeds]
+    before = max([0.0, *delays]) + (_DELAYED if box.delay is not None else 0.0)
+    begin = float(t[min(np.searchsorted(t, t[0] + before - 1e-9), len(t) - 1)])
     if h is None:
         usual = float(np.median(np.diff(t)))
         # As fine as the samples, unless that takes too long: the error of integration is not noise,
@@ -127,10 +149,11 @@ def grid_of(
         step = h
     else:
         raise InputInvalid(f"--step {h:g}: expected seconds above 0")
-    K = int(np.floor((t[-1] - begin) / step + 1e-6))
+    end = float(t[-1]) + min([0.0, *delays])  # later inputs lie behind the recording
+    K = int(np.floor((end - begin) / step + 1e-6))
     if not 20 <= K <= _MOST_STEPS:
         raise InputInvalid(
-            f"the recording from {begin:g} to {t[-1]:g} s has {K} steps of {step:g} s",
+            f"the recording from {begin:g} to {end:g} s has {K} steps of {step:g} s",
             f"20 to {_MOST_STEPS}: choose --from, --to or --step",
         )
     grid: Array = begin + step * np.arange(K + 1, dtype=float)
@@ -139,7 +162,7 @@ def grid_of(
     wrong = []
     if eta is None and nu is None:
         wrong.append(f"{hull}.eta or {hull}.nu (recorded: {lookup.near(f'{hull}.nu')})")
-    supply = _Supply(box.plan, lookup, t, place)
+    supply = _Supply(box.plan, lookup, t, place, assumed.inputs)
     columns = []
     for feed in box.feeds:
         column = supply.of(feed)
@@ -165,12 +188,10 @@ def grid_of(
     _check_units(y, step, eta or f"{hull}.eta", nu or f"{hull}.nu")
     if not np.isfinite(y).any():
         raise InputInvalid(eta or nu, f"no number from {t[0]:g} to {t[-1]:g} s", "some")
-    moments = np.array(
-        [_moments(t, c, grid, f.delay) for f, c in zip(box.feeds, columns, strict=True)]
-    ).reshape(len(box.feeds), 2, K)
-    w = np.concatenate([moments[:, 0], moments[:, 1]])
+    inputs = Inputs(grid, tuple(columns), tuple(delays), box.delayed)
     return Grid(
-        grid - grid[0], step, w, y, tuple(supply.computed), tuple(n for n in (eta, nu) if n),
+        grid - grid[0], step, inputs.at(assumed.delay), inputs, y, tuple(supply.computed),
+        tuple(n for n in (eta, nu) if n),
         _runs(lookup.signals, grid, step),
     )  # fmt: skip
 
@@ -235,28 +256,6 @@ def _times(signals: Signals, first: float, last: float | None) -> tuple[Array, N
     return time[place], place
 
 
-def _moments(t: Array, values: Array, grid: Array, delay: float) -> Array:
-    """Return mean and change (2, K) over each step of held values, delayed by `delay`.
-
-    The change is that of the line with the same mean and first moment over the step.
-    """
-    good = np.flatnonzero(np.isfinite(values))
-    if not len(good):
-        raise InputInvalid("a signal that drives the vehicle holds no number", "some")
-    at, v = t[good], values[good]
-    impulse = np.concatenate([[0.0], np.cumsum(v[:-1] * np.diff(at))])
-    moment = np.concatenate([[0.0], np.cumsum(v[:-1] * np.diff((at - at[0]) ** 2) / 2.0)])
-
-    edges = grid - delay
-    i = np.clip(np.searchsorted(at, edges, side="right") - 1, 0, len(at) - 1)
-    upto = impulse[i] + v[i] * (edges - at[i])
-    turning = moment[i] + v[i] * ((edges - at[0]) ** 2 - (at[i] - at[0]) ** 2) / 2.0
-    h, middle = np.diff(edges), 0.5 * (edges[:-1] + edges[1:]) - at[0]
-    mean = np.diff(upto) / h
-    change = 12.0 / h**2 * (np.diff(turning) - middle * np.diff(upto))
-    return np.stack([mean, change])
-
-
 def _measured(t: Array, values: Array, grid: Array, h: float, angle: bool) -> Array:
     good = np.isfinite(values)
     found = np.full(len(grid), np.nan)
@@ -292,37 +291,41 @@ def _measured(t: Array, values: Array, grid: Array, h: float, angle: bool) -> Ar
 
 
 class _Supply:
-    """Values of inputs over the recording's times: recorded, computed, or a start value."""
+    """Inputs of the model between the samples: recorded, computed, or a start value."""
 
-    def __init__(self, plan: Plan, lookup: Lookup, t: Array, place: NDArray[np.intp]) -> None:
-        self.plan, self.lookup, self.t, self.place = plan, lookup, t, place
+    def __init__(
+        self, plan: Plan, lookup: Lookup, t: Array, place: NDArray[np.intp], course: str
+    ) -> None:
+        self.plan, self.lookup, self.t, self.place, self.course = plan, lookup, t, place, course
         self.computed: list[str] = []
-        self._done: dict[int, Mapping[str, Array] | None] = {}
+        self.exact = "tick" in lookup.signals.metadata  # by a master: outputs of a step are held
+        self._done: dict[int, Mapping[str, list[Curve]] | None] = {}
 
-    def of(self, feed: Feed) -> Array | None:
-        """Return a feed's values (n,), None if they can neither be read nor computed."""
+    def of(self, feed: Feed) -> Curve | None:
+        """Return a feed, None if it can neither be read nor computed."""
         component = self.plan.components[feed.component]
         name = self.lookup.find(f"{component.path}.{feed.variable}")
         if name is not None:
             values = self.lookup.values(name)[self.place]
             e = self._column(feed, name, values.shape[1])
-            return np.asarray(feed.factor * values[:, e] + feed.offset, dtype=float)
+            sampled = np.asarray(feed.factor * values[:, e] + feed.offset, dtype=float)
+            smooth = feed.variable in WATER and self.course == "smooth"  # it has no spline
+            course = "linear" if smooth else self.course
+            return Curve(self.t, sampled, course)
         if feed.free:  # nothing feeds it: its start value; commands and forces have none
             if feed.variable in ("u", "tau", "thrust", "force"):
                 return None
             variable = component.description.variables[feed.variable]
             value = component.start.get(feed.variable, variable.start)
             flat = np.asarray(0.0 if value is None else value, dtype=float).ravel()
-            return np.full(len(self.t), flat[min(feed.element, len(flat) - 1)])
+            return Curve(self.t[:1], flat[[min(feed.element, len(flat) - 1)]], "held")
         if feed.component not in self._done:
             self._done[feed.component] = None  # so that an algebraic loop ends here
             self._done[feed.component] = self._run(feed.component)
         made = self._done[feed.component]
         if made is None:
             return None
-        values = made[feed.variable]
-        column = values if values.ndim == 1 else values[:, feed.element]
-        return feed.factor * column + feed.offset
+        return made[feed.variable][feed.element].scaled(feed.factor, feed.offset)
 
     def _column(self, feed: Feed, name: str, width: int) -> int:
         """Return the column of a signal that a feed is: of many commands, that of the thruster."""
@@ -342,7 +345,7 @@ class _Supply:
             f"a signal of size {size}, or --map {label}={name}[1] for one of them",
         )
 
-    def _run(self, i: int) -> Mapping[str, Array] | None:
+    def _run(self, i: int) -> Mapping[str, list[Curve]] | None:
         """Compute a declaration's outputs from recorded signals alone; None if one is missing."""
         component = self.plan.components[i]
         source = resolve(component.source)
@@ -365,17 +368,37 @@ class _Supply:
             columns = [self.of(feed_of(self.plan, i, v.name, e)) for e in range(v.size)]
             if any(c is None for c in columns):
                 return None
-            inputs[v.name] = np.nan_to_num(np.stack([c for c in columns if c is not None]))
+            inputs[v.name] = [c for c in columns if c is not None]
         known = {v.name for v in model.of_kind("parameter")}
         parameters = {k: np.asarray(v, float) for k, v in component.start.items() if k in known}
         self.computed.append(component.path)
-        return _simulated(model, self.t, inputs, parameters)
+        # Held outputs are those of samples; a shaft or a varying input needs points between them.
+        held = all(c.course == "held" for each in inputs.values() for c in each)
+        stays = held and (self.exact or not model.of_kind("state"))
+        t = self.t if stays else _between(self.t)
+        made = _simulated(model, t, inputs, parameters, held)
+        course = "held" if stays else "linear"
+        return {n: [Curve(t, c, course) for c in np.atleast_2d(y.T)] for n, y in made.items()}
+
+
+def _between(t: Array) -> Array:
+    """Return the times with points between them."""
+    shares = np.arange(_FINE_PARTS) / _FINE_PARTS
+    inner = (t[:-1, None] + np.diff(t)[:, None] * shares).ravel()
+    return np.concatenate([inner, t[-1:]])
 
 
 def _simulated(
-    model: Model, t: Array, inputs: Mapping[str, Array], parameters: Mapping[str, Array]
+    model: Model,
+    t: Array,
+    inputs: Mapping[str, list[Curve]],
+    parameters: Mapping[str, Array],
+    held: bool,
 ) -> dict[str, Array]:
-    """Return the outputs of a declaration without clocks at times t, its inputs (size, n) held."""
+    """Return the outputs of a declaration without clocks at times t, with its inputs by name.
+
+    Inputs are linear between the times, or `held`.
+    """
     f = Evaluation(model)
     p = f.values_of("parameter", parameters)
     d = f.derived(p)
@@ -384,7 +407,7 @@ def _simulated(
     place = 0
     for v in model.of_kind("input"):
         start = np.repeat(usual[place : place + v.size, None], len(t), axis=1)
-        rows.append(inputs.get(v.name, start))
+        rows.append(np.stack([c.at(t) for c in inputs[v.name]]) if v.name in inputs else start)
         place += v.size
     u = np.vstack(rows) if rows else np.zeros((0, len(t)))
     x_0 = np.array(f.initial(p, d))
@@ -393,14 +416,20 @@ def _simulated(
         # Each interval in equal parts that the declaration can bear.
         parts = np.maximum(1, np.ceil(np.diff(t) / model.h_max - 1e-9)).astype(int)
         of = np.repeat(np.arange(len(parts)), parts)
+        share = (np.arange(len(of)) - (np.cumsum(parts) - parts)[of]) / parts[of]
+        rise = np.zeros_like(u[:, :-1]) if held else np.diff(u, axis=1)
+        first = u[:, of] + share * rise[:, of]
+        change = rise[:, of] / parts[of]
         h, x, w = ca.MX.sym("h"), ca.MX.sym("x", len(x_0)), ca.MX.sym("w", len(u))
+        dw = ca.MX.sym("dw", len(u))
         k_1 = f.rhs(0.0, w, p, d, x, [])
-        k_2 = f.rhs(0.0, w, p, d, x + h / 2 * k_1, [])
-        k_3 = f.rhs(0.0, w, p, d, x + h / 2 * k_2, [])
-        k_4 = f.rhs(0.0, w, p, d, x + h * k_3, [])
-        step = ca.Function("step", [x, w, h], [x + h / 6 * (k_1 + 2 * k_2 + 2 * k_3 + k_4)])
+        k_2 = f.rhs(0.0, w + dw / 2, p, d, x + h / 2 * k_1, [])
+        k_3 = f.rhs(0.0, w + dw / 2, p, d, x + h / 2 * k_2, [])
+        k_4 = f.rhs(0.0, w + dw, p, d, x + h * k_3, [])
+        after = x + h / 6 * (k_1 + 2 * k_2 + 2 * k_3 + k_4)
+        step = ca.Function("step", [x, w, dw, h], [after])
         h_each = (np.diff(t) / parts)[of]
-        made = np.array(step.mapaccum("made", len(of))(x_0, u[:, of], h_each[None, :]))
+        made = np.array(step.mapaccum("made", len(of))(x_0, first, change, h_each[None, :]))
         states[:, 1:] = made[:, np.cumsum(parts) - 1]
     x, w = ca.MX.sym("x", len(x_0)), ca.MX.sym("w", len(u))
     output = ca.Function("output", [x, w], [f.outputs(0.0, w, p, d, x, [])])

@@ -19,6 +19,7 @@ from uuvsim_cosim.studies.identification.vehicle_log import (
     Series,
     VehicleLog,
     check_firmware,
+    with_depth,
     without_repetitions,
 )
 
@@ -75,7 +76,7 @@ class _Telemetry:
         self.talking: set[int] = set()  # systems that sent an attitude
         self.names: set[str] = set()
         self.status, self.time = _AIDED, 0.0
-        self.damaged = self.lost = 0
+        self.damaged = self.lost = self.cut = 0
 
     def packets(self, data: bytes) -> Iterator[tuple[int, int, int]]:
         """Yield place, size and kind of each packet; bytes between packets are counted.
@@ -100,6 +101,7 @@ class _Telemetry:
             if component == _AUTOPILOT or kind == _ODOMETRY:
                 yield i + 8, size, kind
             i += 8 + size
+        self.cut = end - i
 
     def take(self, name: str, m: Any, received: float) -> None:
         """Add a message to the rows of what it measures."""
@@ -149,7 +151,9 @@ class _Telemetry:
                 f"{self.damaged} packets with wrong checksums and {self.lost} bytes between "
                 "packets are left out"
             )
-        return VehicleLog(self.path, series, self.parameters, "", tuple(remarks))
+        if self.cut:
+            remarks.append(f"the log ends within a packet: its last {self.cut} bytes are left out")
+        return VehicleLog(self.path, with_depth(series), self.parameters, "", tuple(remarks))
 
     def _put(self, name: str, t: float, *values: float) -> None:
         self.rows.setdefault(name, []).append((t, *values))

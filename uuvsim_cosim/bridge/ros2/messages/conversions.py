@@ -23,6 +23,7 @@ from uuvsim_cosim.bridge.ros2.frames import (
 from uuvsim_cosim.bridge.ros2.messages.conversion import Conversion, Values, diagonal
 from uuvsim_cosim.bridge.ros2.messages.earth import geodetic, geodetic_of_grid
 from uuvsim_cosim.bridge.ros2.messages.ray_messages import RAY_CONVERSIONS
+from uuvsim_cosim.bridge.ros2.messages.sonar_messages import SONAR_CONVERSIONS
 from uuvsim_cosim.bridge.ros2.messages.state_messages import STATE_CONVERSIONS
 
 __all__ = ["CONVERSIONS", "GENERIC", "sensor_figures"]
@@ -177,6 +178,7 @@ CONVERSIONS: dict[str, Conversion] = {
         {"position": 3, "sigma": 3, "valid": 1}, _fix, needs=frozenset({"@place"}), lost=True
     ),
     **RAY_CONVERSIONS,
+    **SONAR_CONVERSIONS,
     **STATE_CONVERSIONS,
 }
 # Types of signals without a conversion, by the kind of their numbers and whether they are arrays.

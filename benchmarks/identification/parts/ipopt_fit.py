@@ -19,14 +19,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uuvsim_cosim.errors import InputInvalid
-from uuvsim_cosim.studies.identification.fit import (
-    AWAY,
-    FIRST,
-    LEAST,
-    Fit,
-    correlation_of_lag_one,
-)
+from uuvsim_cosim.studies.identification.fit import AWAY, FIRST, LEAST, Fit
 from uuvsim_cosim.studies.identification.fitted_model import GreyBox
+from uuvsim_cosim.studies.identification.residuals import correlation_of_lag_one
 from uuvsim_cosim.studies.identification.shooting import PRIOR, measured_motion
 from uuvsim_cosim.studies.identification.signals import ANGLES, Grid
 
@@ -147,7 +142,7 @@ def fit(box: GreyBox, grid: Grid) -> Fit:
     return Fit(
         theta, scaled @ inverse @ scaled, sigma, rho, information / np.outer(p.scale, p.scale),
         z[p.n_p : p.n_p + p.n_x] * p.x_scale, int(seen.sum()), iterations,
-        bool(stats["success"]), str(stats["return_status"]),
+        bool(stats["success"]), str(stats["return_status"]), np.ones(p.n_p),
     )  # fmt: skip
 
 
