@@ -139,6 +139,14 @@ def test_parts_at_the_surface_are_left_out_by_the_depth_alone(tmp_path: Path) ->
         read_log(bag(tmp_path / "b", odometry(), commands(U), depth(0.1)))
 
 
+def test_a_part_before_the_first_or_behind_the_last_message_is_left_out(tmp_path: Path) -> None:
+    late = odometry(times=range(2 * 10**9, 20 * 10**9, 10**8))
+    excluded = read_log(bag(tmp_path / "b", late, commands(U))).metadata["excluded"]
+    assert [(e.first, pytest.approx(e.last), e.reason) for e in excluded] == [
+        (0.0, 2.0, "no attitude in the log"), (5.9, 19.9, "no commands in the log"),
+    ]  # fmt: skip
+
+
 def test_headers_of_another_clock_are_reported_and_not_used(tmp_path: Path) -> None:
     late = odometry(late=3_000_000_000)
     signals = read_log(bag(tmp_path / "b", late, commands(U)))
