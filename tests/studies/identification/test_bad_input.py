@@ -32,7 +32,9 @@ def table(folder: Path, angle: str, times: str = "{:.1f}") -> Path:
 
 
 BAD: dict[str, tuple[Made, str]] = {
-    "truncated CSV": (lambda d: cut(table(d, "0"), 1000), r"dive\.csv:\d+: \d+ values; expected 14"),
+    "truncated CSV": (
+        lambda d: cut(table(d, "0"), 1000), r"dive\.csv:\d+: \d+ values; expected 14",
+    ),
     "truncated ULog": (lambda d: cut(ulog(d / "1.ulg"), 1500), r"1\.ulg: .*after 1500 bytes"),
     "truncated bag": (
         lambda d: cut(next(bag(d / "b", odometry(), commands([0.1] * 8)).glob("*.mcap")), 5000),
@@ -59,12 +61,16 @@ BAD: dict[str, tuple[Made, str]] = {
     "missing parameters": (
         lambda d: dataflash(d / "1.BIN", {}), "lacks the parameters FRAME_CONFIG.*expected a log",
     ),
-    "angles in degrees": (lambda d: table(d, "20"), "pitch reaches 20 at .*as if it were in degrees"),
+    "angles in degrees": (
+        lambda d: table(d, "20"), "pitch reaches 20 at .*as if it were in degrees",
+    ),
     "another vehicle": (
-        lambda d: dataflash(d / "1.BIN"), r"6 motors \(frame vectored\), and wrench has 8 thrusters",
+        lambda d: dataflash(d / "1.BIN"),
+        r"6 motors \(frame vectored\), and wrench has 8 thrusters",
     ),
     "no commands": (
-        lambda d: bag(d / "b", odometry(), numbers("/motors", [0.0])), "lacks the thrusters' commands",
+        lambda d: bag(d / "b", odometry(), numbers("/motors", [0.0])),
+        "lacks the thrusters' commands",
     ),
 }  # fmt: skip
 

@@ -201,9 +201,9 @@ def identify(
         f"{n.name} is at its bound: its interval is not reliable" for n in numbers if n.at_bound
     ]
     notes += [*signals.metadata.get("remarks", ())]
-    logged, own = signals.metadata.get("vehicle"), _vehicle_of(plan, at)
-    if logged and own and logged != own:
-        notes.append(f"the log is of {logged}, by its frame, and the fitted hull is {own}")
+    logged, stated = signals.metadata.get("vehicle"), _vehicle_of(plan, at)
+    if logged and stated and logged != stated:
+        notes.append(f"the log is of {logged}, by its frame, and the fitted hull is {stated}")
     notes += [f"left out: {e}" for e in signals.metadata.get("excluded", ())]
     if problem.windows.pieces > box.pieces(grid.h):
         notes.append(
