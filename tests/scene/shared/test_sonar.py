@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from scipy import stats
 
 from uuvsim_cosim.content import content
+from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.fmus.codegen.runtime import runtime
 from uuvsim_cosim.fmus.codegen.toolchain import compile_shared
 from uuvsim_cosim.kernels.codegen.program import processor_flags
@@ -338,3 +339,17 @@ def test_a_single_scatterer_has_an_amplitude_by_rayleighs_law() -> None:
     found = intensity(s, np.c_[np.zeros(2000), at[:, 0], 10.0 + at[:, 1]]).max(axis=(1, 2))
     amplitude = np.sqrt(found / found.mean())
     assert stats.kstest(amplitude, stats.rayleigh(scale=np.sqrt(0.5)).cdf).pvalue > 0.01
+
+
+@pytest.mark.parametrize(
+    ("place", "words"),
+    [
+        ([0.0, 0.0, -1.0], r"\(0, 0, -1\) m; expected finite numbers, and D of 0 or more"),
+        ([0.0, np.nan, 1.0], "finite numbers"),
+        ([8.0, 0.0, 20.0], "is in the obstacle number 0; expected a place in the water"),
+    ],
+)
+def test_a_sonar_out_of_the_water_is_refused(place: list[float], words: str) -> None:
+    s = sonar(geometry(beams=8), Sphere((8.0, 0.0, 20.0), 1.0))
+    with pytest.raises(InputInvalid, match=words):
+        s.images([[0.0, 0.0, 10.0], place], np.eye(3))
