@@ -55,7 +55,9 @@ def test_the_values_of_its_aliases_have_their_sign_in_the_stepping_loop(
     makers = {"a": fmi1, "b": fmi1, "c": fmi1, "d": fmi1}
     makers["e"] = lambda path: instantiate_fmu(c_fmu(3), path)
     links = ["a.minus_y -> b.u", "a.y -> c.minus_u", "a.y -> d.u", "e.boolean_out -> d.off"]
+    links.append("e.boolean_out -> d.spare")  # a call sets two Booleans, of one byte each
     read = [("a", "minus_steps"), ("a", "steps"), ("d", "y"), ("d", "off"), ("d", "on")]
+    read.append(("d", "same_spare"))
     start = {"a": {"u": 2.0}, "e": {"boolean_in": True}}
     with Master(*wired(makers, links, start=start), live=read) as master:
         master.initialize()
@@ -65,7 +67,8 @@ def test_the_values_of_its_aliases_have_their_sign_in_the_stepping_loop(
         assert b == c < 0.0
         assert (master.get("a", "steps"), master.get("a", "minus_steps")) == (STEPS, -STEPS)
         assert master.get("d", "y") == 0.0  # it is off
-        assert (bool(master.get("d", "off")), bool(master.get("d", "on"))) == (True, False)
+        flags = [bool(master.get("d", name)) for name in ("off", "on", "same_spare")]
+        assert flags == [True, False, True]
 
 
 def test_connected_inputs_are_there_when_it_initializes(c_fmu: CFmu, tmp_path: Path) -> None:

@@ -22,8 +22,8 @@ from uuvsim_cosim.orchestrator.plan.flatten import flatten
 from uuvsim_cosim.orchestrator.recording.signals import Signals
 from uuvsim_cosim.orchestrator.running.run import run
 from uuvsim_cosim.orchestrator.system.system import System
-from uuvsim_cosim.studies.identification.ambiguity import ambiguities
 from uuvsim_cosim.studies.identification.exclusions import Excluded
+from uuvsim_cosim.studies.identification.experiment import ambiguities
 from uuvsim_cosim.studies.identification.fit import fit
 from uuvsim_cosim.studies.identification.fitted_model import GreyBox
 from uuvsim_cosim.studies.identification.identify import Identified, Number, identify, unanswered

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 import uuvsim_cosim as uuv
-from tests.studies.identification.ardusub_logs import HEAVY, PWM, ROV, dataflash
-from tests.studies.identification.bag_files import bag, imu, numbers
+from tests.studies.identification.readers.ardusub_logs import HEAVY, PWM, ROV, dataflash
+from tests.studies.identification.readers.bag_files import bag, imu, numbers
 from uuvsim_cosim.errors import InputInvalid, SystemInvalid
 from uuvsim_cosim.orchestrator.recording.signals import Signals
 from uuvsim_cosim.orchestrator.system.resolve import remarks_of, resolve

@@ -30,9 +30,9 @@ from uuvsim_cosim.models.declaration.near_names import expected_names
 from uuvsim_cosim.orchestrator.python.component import PythonComponent
 from uuvsim_cosim.orchestrator.recording.signals import Signals
 from uuvsim_cosim.orchestrator.system.sources import Backend
-from uuvsim_cosim.studies.identification.channels import read_channels
 from uuvsim_cosim.studies.identification.exclusions import Excluded
 from uuvsim_cosim.studies.identification.logs import read_log, read_parameter_file
+from uuvsim_cosim.studies.identification.readers.channels import read_channels
 
 __all__ = ["Flight", "LogSource", "source"]
 

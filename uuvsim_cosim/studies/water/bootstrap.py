@@ -56,7 +56,8 @@ def _sums(errors: Array, blocks: NDArray[np.int64]) -> tuple[Array, Array]:
     _, place = np.unique(blocks, return_inverse=True)
     # A model that diverges has errors beyond any number: limited, so that their squares are finite.
     limited = np.clip(np.nan_to_num(errors, nan=1e6), -1e6, 1e6)
-    return np.bincount(place, limited**2), np.bincount(place).astype(float)
+    counts = np.bincount(place).astype(np.float64)
+    return np.bincount(place, limited**2).astype(np.float64), counts
 
 
 def _draws(blocks: int) -> NDArray[np.int64]:

@@ -8,7 +8,7 @@ measured value), and with a linear model (`linear_model.py`). The measure is the
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -16,20 +16,25 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uuvsim_cosim.errors import InputInvalid
-from uuvsim_cosim.orchestrator.recording.signals import Signals
-from uuvsim_cosim.studies.identification.identify import Identified, identify
-from uuvsim_cosim.studies.identification.signals import ANGLES, MEASURED, Grid
+from uuvsim_cosim.studies.identification.assumptions import MEASURED
+from uuvsim_cosim.studies.identification.identify import identify
+from uuvsim_cosim.studies.identification.signals import ANGLES
 from uuvsim_cosim.studies.water.bootstrap import Measured, compare, root_mean_square
-from uuvsim_cosim.studies.water.linear_model import fit_linear_model
+from uuvsim_cosim.studies.water.linear_model import LinearModel, fit_linear_model
 from uuvsim_cosim.studies.water.model_predictions import Predictor
 from uuvsim_cosim.studies.water.recordings import Recording
 
-__all__ = ["AHEAD", "OTHERS", "UNITS", "Judged", "Row", "Trace", "judge"]
+__all__ = [
+    "AHEAD", "OTHERS", "UNITS", "Course", "Judged", "Row", "Trace", "Unknown", "held", "judge",
+    "judged_of",
+]  # fmt: skip
 
 Array = NDArray[np.float64]
 AHEAD = (1.0, 5.0, 10.0, 60.0)  # s
 OTHERS = ("persistence", "linear", "nominal")
 UNITS = dict(zip(MEASURED, ["m"] * 3 + ["rad"] * 3 + ["m/s"] * 3 + ["rad/s"] * 3, strict=True))
+UNITS["V"] = "m/s"  # speed through the water
+_ANGLES = tuple(MEASURED[i] for i in ANGLES)
 _EVERY = 1.0  # s between starts of windows
 _APART = 10.0  # s, longer than the horizon, that a block of windows lasts
 _HELD = 1.0  # s that a measurement stands for later points
@@ -65,28 +70,61 @@ class Trace:
 
 
 @dataclass(frozen=True)
+class Unknown:
+    """A fitted parameter: published and fitted value, half of its 95 % interval or NaN."""
+
+    name: str
+    published: float
+    value: float
+    half_width: float
+    unit: str
+    at_bound: bool = False
+
+
+@dataclass(frozen=True)
 class Judged:
-    """A recording with its rows, the fit, and stretches to draw."""
+    """A recording with its rows, the fitted parameters, and stretches to draw."""
 
     recording: Recording
-    fit: Identified
+    unknowns: tuple[Unknown, ...]
     rows: tuple[Row, ...]
     traces: tuple[Trace, ...]
-    linear_step: float  # s, sample time of the linear model
+
+
+@dataclass(frozen=True)
+class Course:
+    """Judged part of a recording on a grid of `h` seconds: measurements, inputs and models.
+
+    `truth` and `held` (n, K + 1) are measurements, NaN where there is none, and the last ones;
+    `inputs` (n_u, K) are means over the steps. A model returns predictions (len(at), n) so many
+    steps after points.
+    """
+
+    signals: tuple[str, ...]
+    h: float
+    runs: tuple[tuple[int, int], ...]
+    truth: Array
+    held: Array
+    inputs: Array
+    past: float
+    models: Mapping[str, Callable[[NDArray[np.int64], int], Array]]
 
 
 def judge(
     recording: Recording,
     fetched: Path | None = None,
     *,
-    signals: Signals | None = None,
     report: Callable[[str], None] = lambda text: None,
 ) -> Judged:
     """Fit a recording's model to one part, and compare its predictions on the other."""
-    signals = recording.read(fetched) if signals is None else signals
+    report(f"{recording.name}: fit of {', '.join(recording.parameters)}")
+    if recording.is_glide:
+        from uuvsim_cosim.studies.water.glides import judge_glides
+
+        return judge_glides(recording, fetched)
+    signals = recording.read(fetched)
     nominal = recording.nominal_system(signals)
     first, last = recording.fitted
-    report(f"{recording.name}: fit of {len(recording.parameters)} parameters")
     fit = identify(
         signals, nominal, recording.parameters, step=recording.step, first=first, last=last,
         proposals=False,
@@ -99,38 +137,59 @@ def judge(
     step, span = recording.step, recording.judged
     models = {
         name: Predictor(
-            system, fit.hull, signals, step, span,
-            past=recording.past, adapted=recording.adapted,
+            system, fit.hull, signals, step, span, past=recording.past, adapted=recording.adapted
         )
         for name, system in (("fitted", fitted), ("nominal", nominal))
-    }  # fmt: skip
+    }
     grid = models["nominal"].grid
     before = Predictor(nominal, fit.hull, signals, step, (first, last)).grid
     elements = [MEASURED.index(n) for n in recording.signals]
     inputs = slice(0, len(grid.w) // 2)
-    past = _held(before, _unwrapped(before, elements))
+    past = held(before.runs, step, _unwrapped(before, elements))
     linear = fit_linear_model(past, before.w[inputs], before.runs, step)
     truth = _unwrapped(grid, elements)
-    held = _held(grid, truth)
+
+    def said(model: Predictor) -> Callable[[NDArray[np.int64], int], Array]:
+        return lambda at, steps: model.predict(at, steps)[:, -1][:, elements]
+
+    course = Course(
+        recording.signals, step, grid.runs, truth, held(grid.runs, step, truth), grid.w[inputs],
+        recording.past, {name: said(model) for name, model in models.items()},
+    )  # fmt: skip
+    unknowns = tuple(
+        Unknown(n.name, n.start, n.value, n.half_width, n.unit, n.at_bound) for n in fit.numbers
+    )
+    return judged_of(recording, unknowns, course, [linear])
+
+
+def judged_of(
+    recording: Recording,
+    unknowns: tuple[Unknown, ...],
+    course: Course,
+    linear: Sequence[LinearModel],
+) -> Judged:
+    """Compare the predictors of a course; raises InputInvalid if no stretch is long enough.
+
+    `linear` is one model of all signals, or one for each.
+    """
     rows: list[Row] = []
     traces: list[Trace] = []
+    h = course.h
     for ahead in AHEAD:
-        steps = round(ahead / step)
-        at = _starts(grid, held, steps, recording.past)
+        steps = round(ahead / h)
+        at = _starts(course, steps)
         if not len(at):
             continue
-        said = {
-            name: model.predict(at, steps)[:, -1][:, elements] for name, model in models.items()
-        }
-        said["persistence"] = held[:, at].T
-        said["linear"] = linear.predict(held, grid.w[inputs], at, steps)
-        blocks = _blocks(grid, at, ahead)
-        for i, name in enumerate(recording.signals):
-            right = truth[i, at + steps]
-            seen = np.isfinite(right)
+        said = {name: predict(at, steps) for name, predict in course.models.items()}
+        said["persistence"] = course.held[:, at].T
+        said["linear"] = _linear(linear, course, at, steps)
+        blocks = _blocks(course, at, ahead)
+        for i, name in enumerate(course.signals):
+            right = course.truth[i, at + steps]
+            near = {k: _near(v[:, i], right, name) for k, v in said.items()}
+            seen = np.isfinite(right) & _measured_before(course, i, at)
             if not seen.any():
                 continue
-            near = {k: _near(v[:, i], right, elements[i]) for k, v in said.items()}
             errors = {k: (v - right)[seen] for k, v in near.items()}
             rows.append(
                 Row(
@@ -140,31 +199,39 @@ def judge(
                 )
             )  # fmt: skip
             if ahead == _TRACE:
-                traces.append(Trace(name, ahead, grid.t[at + steps], right, near))
+                traces.append(Trace(name, ahead, h * (at + steps).astype(np.float64), right, near))
     if not rows:
+        first, last = recording.judged
         raise InputInvalid(
-            f"{recording.name}: no stretch from {span[0]:g} to {span[1]:g} s is long enough",
-            f"{recording.past + AHEAD[0]:g} s with {', '.join(recording.signals)}",
+            f"{recording.name}: no stretch from {first:g} to {last:g} s is long enough",
+            f"{course.past + AHEAD[0]:g} s with {', '.join(course.signals)}",
         )
-    rows.sort(key=lambda r: (recording.signals.index(r.signal), r.ahead))
-    return Judged(recording, fit, tuple(rows), tuple(traces), linear.every * step)
+    rows.sort(key=lambda r: (course.signals.index(r.signal), r.ahead))
+    return Judged(recording, unknowns, tuple(rows), tuple(traces))
 
 
-def _unwrapped(grid: Grid, elements: list[int]) -> Array:
-    """Return judged measurements (n, K + 1); angles without jumps within a run."""
-    y = grid.y[elements].copy()
-    for i, e in enumerate(elements):
-        if e in ANGLES:
-            good = np.isfinite(y[i])
-            y[i, good] = np.unwrap(y[i, good])
-    return y
+def _linear(
+    models: Sequence[LinearModel], course: Course, at: NDArray[np.int64], steps: int
+) -> Array:
+    if len(models) == 1:
+        return models[0].predict(course.held, course.inputs, at, steps)
+    each = [m.predict(y[None], course.inputs, at, steps)
+            for m, y in zip(models, course.held, strict=True)]  # fmt: skip
+    return np.concatenate(each, axis=1)
 
 
-def _held(grid: Grid, y: Array) -> Array:
+def _measured_before(course: Course, signal: int, at: NDArray[np.int64]) -> NDArray[np.bool_]:
+    """Return at which points a signal was measured over the second before."""
+    good = np.isfinite(course.held[signal])
+    lags = range(max(1, round(1.0 / course.h)) + 1)
+    return np.asarray(np.logical_and.reduce([good[np.maximum(at - k, 0)] for k in lags]), bool)
+
+
+def held(runs: tuple[tuple[int, int], ...], h: float, y: Array) -> Array:
     """Return the last measurement (n, K + 1) at each point, NaN if it is older than a second."""
-    most = round(_HELD / grid.h)
+    most = round(_HELD / h)
     out = np.full_like(y, np.nan)
-    for a, b in grid.runs:
+    for a, b in runs:
         points = np.arange(a, b + 1)
         for i in range(len(y)):
             seen = np.where(np.isfinite(y[i, points]), points, -1)
@@ -174,28 +241,27 @@ def _held(grid: Grid, y: Array) -> Array:
     return out
 
 
-def _near(predicted: Array, truth: Array, e: int) -> Array:
+def _near(predicted: Array, truth: Array, name: str) -> Array:
     """Shift predicted angles by whole turns to the measured ones."""
-    if e not in ANGLES:
+    if name not in _ANGLES:
         return predicted
     turns = np.round((predicted - truth) / (2 * np.pi))
     return np.asarray(predicted - 2 * np.pi * np.nan_to_num(turns))
 
 
-def _starts(grid: Grid, held: Array, steps: int, past: float) -> NDArray[np.int64]:
+def _starts(course: Course, steps: int) -> NDArray[np.int64]:
     """Return points with measurements in the second before, a second apart, within runs."""
-    before, every = round(past / grid.h), max(1, round(_EVERY / grid.h))
-    lag = max(1, round(1.0 / grid.h))
-    found = [np.arange(a + before, b - steps + 1, every) for a, b in grid.runs]
+    h = course.h
+    before, every = round(course.past / h), max(1, round(_EVERY / h))
+    found = [np.arange(a + before, b - steps + 1, every) for a, b in course.runs]
     at = np.concatenate(found).astype(np.int64)
-    good = np.isfinite(held).all(axis=0)
-    fresh = np.logical_and.reduce([good[np.maximum(at - k, 0)] for k in range(lag + 1)])
-    return at[fresh]
+    # The first signal is measured at all times; others may be missing for long.
+    return at[_measured_before(course, 0, at)]
 
 
-def _blocks(grid: Grid, at: NDArray[np.int64], ahead: float) -> NDArray[np.int64]:
+def _blocks(course: Course, at: NDArray[np.int64], ahead: float) -> NDArray[np.int64]:
     """Number the blocks of windows: longer than the horizon, and within a run."""
-    run = np.searchsorted([a for a, _ in grid.runs], at, side="right") - 1
-    start = np.array([a for a, _ in grid.runs])[run]
-    inside = ((at - start) * grid.h // (ahead + _APART)).astype(np.int64)
+    run = np.searchsorted([a for a, _ in course.runs], at, side="right") - 1
+    start = np.array([a for a, _ in course.runs])[run]
+    inside = ((at - start) * course.h // (ahead + _APART)).astype(np.int64)
     return np.asarray(run * 100_000 + inside, dtype=np.int64)

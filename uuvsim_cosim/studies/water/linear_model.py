@@ -80,7 +80,7 @@ def _places(y: Array, runs: tuple[tuple[int, int], ...], before: int, r: int) ->
     """Return points with measurements at them and at the two samples before, within a run."""
     every = [np.arange(a + before, b + 1) for a, b in runs if b - a >= before]
     at = np.concatenate(every) if every else np.zeros(0, np.int64)
-    good = np.isfinite(y).all(axis=0)
+    good = np.logical_and.reduce(np.isfinite(y), axis=0)
     return at[good[at] & good[at - r] & good[np.maximum(at - 2 * r, 0)]]
 
 

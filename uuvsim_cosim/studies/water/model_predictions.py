@@ -8,6 +8,7 @@ there the model runs freely with the recorded inputs.
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import final
 
 import numpy as np
@@ -128,10 +129,8 @@ class Predictor:
         from scipy.spatial.transform import Rotation
 
         grid, box, m = self.grid, self.box, self.m
-        window = Grid(
-            grid.t[: m + 1], grid.h, grid.w[:, first : first + m],
-            grid.y[:, first : first + m + 1], (), (), ((0, m),),
-        )  # fmt: skip
+        part = slice(first, first + m + 1)
+        window = replace(grid, t=grid.t[: m + 1], y=grid.y[:, part], runs=((0, m),))
         y = measured_motion(window)[:, 0]
         out = box.start().copy()
         out[box.x_places[box.hull, "p"]] = y[:3]

@@ -28,7 +28,7 @@ TITLES = {
 SIGNALS = {
     "N": "north", "E": "east", "D": "depth", "phi": "roll", "theta": "pitch", "psi": "yaw",
     "u": "surge u", "v": "sway v", "w": "heave w", "p": "roll rate p", "q": "pitch rate q",
-    "r": "yaw rate r",
+    "r": "yaw rate r", "V": "speed through the water",
 }  # fmt: skip
 _DEGREES = {"rad": ("deg", 180 / pi), "rad/s": ("deg/s", 180 / pi)}
 
@@ -55,9 +55,10 @@ def table_of(judged: Judged) -> str:
         lines += ["", f"Rows without intervals have fewer than {LEAST_BLOCKS} blocks of windows."]
     lines += ["", "| parameter | published | fitted, 95 % interval | unit |", "|---|---|---|---|"]
     lines += [
-        f"| `{n.name}` | {n.start:.4g} | {n.value:.4g} ± {n.half_width:.2g}"
+        f"| `{n.name}` | {n.published:.5g} | {n.value:.5g}"
+        f"{f' ± {n.half_width:.2g}' if isfinite(n.half_width) else ''}"
         f"{' (at its bound)' if n.at_bound else ''} | {n.unit} |"
-        for n in judged.fit.numbers
+        for n in judged.unknowns
     ]
     return "\n".join(lines)
 

@@ -22,10 +22,10 @@ from uuvsim_cosim.models.declaration.near_names import expected_names
 from uuvsim_cosim.models.declaration.parameter_files import read_yaml
 from uuvsim_cosim.orchestrator.recording.signals import Signals
 from uuvsim_cosim.orchestrator.system.system import System
+from uuvsim_cosim.studies.identification.assumptions import MEASURED
 from uuvsim_cosim.studies.identification.exclusions import Excluded
 from uuvsim_cosim.studies.identification.identify import recorded_system
 from uuvsim_cosim.studies.identification.logs import read_log
-from uuvsim_cosim.studies.identification.signals import MEASURED
 
 __all__ = ["Recording", "recording", "recordings"]
 
@@ -67,7 +67,12 @@ class Recording:
     @property
     def is_shipped(self) -> bool:
         """Whether the data lie beside the description."""
-        return (self.folder / "recording.csv").is_file()
+        return any((self.folder / name).is_file() for name in ("recording.csv", "flight.csv"))
+
+    @property
+    def is_glide(self) -> bool:
+        """Whether its system is the glide of a vehicle (studies/glider)."""
+        return self.system.startswith("glide:")
 
     def is_at_hand(self, fetched: Path | None) -> bool:
         """Whether the data are shipped, or in `fetched`."""

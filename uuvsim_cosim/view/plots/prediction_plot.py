@@ -88,11 +88,11 @@ def _errors(signal: Predicted, names: Sequence[str], width: float) -> str:
         parts.append(text(LEFT - 6, y + 3.5, f"{tick:g}", "tick", "end"))
     parts.append(text((LEFT + width) / 2, HEIGHT - 4, "ahead [s]", "tick", "middle"))
     for i, (name, style) in enumerate(zip(names, STYLES, strict=False)):
-        x = sx(np.log10(signal.ahead)) + 3.0 * (i - 1.5)
+        places = sx(np.log10(signal.ahead)) + 3.0 * (i - 1.5)
         values = np.clip(signal.errors[name], low / 1.25, high * 1.25)
-        y = sy(np.log10(values))
-        parts.append(path(x, y[:, 0], f"line {style}"))
-        for at, (middle, bottom, top) in zip(x.tolist(), y.tolist(), strict=True):
+        heights = sy(np.log10(values))
+        parts.append(path(places, heights[:, 0], f"line {style}"))
+        for at, (middle, bottom, top) in zip(places.tolist(), heights.tolist(), strict=True):
             if np.isfinite(top):
                 parts.append(f'<path class="line {style}" d="M{at:.1f} {bottom:.1f}V{top:.1f}"/>')
             if np.isfinite(middle):

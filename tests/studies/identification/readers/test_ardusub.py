@@ -10,12 +10,19 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tests.studies.identification.ardusub_logs import HEAVY, PWM, ROV, dataflash, parameters, tlog
+from tests.studies.identification.readers.ardusub_logs import (
+    HEAVY,
+    PWM,
+    ROV,
+    dataflash,
+    parameters,
+    tlog,
+)
 from uuvsim_cosim.errors import InputInvalid
-from uuvsim_cosim.studies.identification.channels import read_channels
 from uuvsim_cosim.studies.identification.exclusions import Excluded
 from uuvsim_cosim.studies.identification.identify import identify
 from uuvsim_cosim.studies.identification.logs import read_log
+from uuvsim_cosim.studies.identification.readers.channels import read_channels
 
 # u = -d (w - 1500) / 400 with the directions of ROV
 U = [1.0, -1.0, -0.5, -0.5, 0.0, -0.25]
