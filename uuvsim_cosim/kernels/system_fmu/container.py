@@ -150,8 +150,8 @@ def _expect_fmus(plan: Plan, components: Sequence[Component]) -> None:
     for planned, c in zip(plan.components, components, strict=True):
         kind = c.binding().kind
         if kind not in (BindingKind.FMI2, BindingKind.FMI3) or not isinstance(c, FmuBinary):
-            kind_of = "a component that runs in Python or in another process"
-            expected = "an FMU for Co-Simulation, or a declaration"
+            kind_of = "a component that the loop does not step by FMI 2.0 or 3.0"
+            expected = "an FMU for Co-Simulation in this process, or a declaration"
             problems.append(Problem(planned.path, kind_of, expected))
         elif c.archive.structure:
             expected = "its own start values"
