@@ -13,10 +13,17 @@ from uuvsim_cosim.content import content
 from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.models.analysis.simulate import simulate
 from uuvsim_cosim.models.declaration.library import declare
+from uuvsim_cosim.orchestrator.plan.flatten import flatten
 from uuvsim_cosim.orchestrator.recording.signals import Signals
+from uuvsim_cosim.orchestrator.system.system import System
 from uuvsim_cosim.studies.identification.assumptions import Assumptions
+from uuvsim_cosim.studies.identification.fit import fit
+from uuvsim_cosim.studies.identification.fitted_model import GreyBox
 from uuvsim_cosim.studies.identification.identify import Identified, identify
 from uuvsim_cosim.studies.identification.logs import read_log
+from uuvsim_cosim.studies.identification.parameters import wanted_parameters
+from uuvsim_cosim.studies.identification.shooting import Shooting
+from uuvsim_cosim.studies.identification.signals import Lookup, grid_of
 
 Array = NDArray[np.float64]
 TRUE = {"D_q_11": 21.0, "M_A_11": 7.0, "D_q_33": 30.0, "M_A_66": 0.15}
@@ -127,6 +134,26 @@ def test_autoregressive_residuals_are_fitted_more_exactly_than_widened_ones() ->
     exact, wide = (fitted(data, inputs="smooth", residuals=r) for r in ("ar1", "robust"))
     for name in TRUE:
         assert exact[name].half_width < wide[name].half_width
+
+
+def test_innovations_are_differences_across_windows_too_each_once() -> None:
+    plan = flatten(System("s").add("hull", "model:bluerov2"))
+    box = GreyBox(plan, 0, wanted_parameters(plan, 0, list(TRUE)), exact=False)
+    grid = grid_of(box, Lookup(flown(colour=0.8), {}), h=None, first=0.0, last=None)
+    problem = Shooting(box, grid)
+    found = fit(box, grid, problem=problem, residuals="ar1")
+    assert found.point is not None
+    assert found.noise is not None
+    assert len(found.point.starts) == 4
+    squares = 0.0
+    told = problem.series(problem.innovations(found.point, found.noise))
+    for j, (r, e) in enumerate(zip(problem.series(found.point.residual), told, strict=True)):
+        rho = found.noise.rho[j]
+        assert rho == pytest.approx(0.8, abs=0.15)
+        assert e[1:] == pytest.approx(r[1:] - rho * r[:-1], abs=1e-4, nan_ok=True)
+        first = np.sqrt(1 - rho**2) * r[0]
+        squares += (first**2 + np.nansum(e[1:] ** 2)) / found.noise.sigma[j] ** 2
+    assert np.sum(found.point.rows[..., -1] ** 2) == pytest.approx(squares, rel=1e-6)
 
 
 @pytest.mark.parametrize("names", [
