@@ -35,16 +35,19 @@ class Series:
         """Return the value at a time: interpolated linearly if continuous, else that before.
 
         Before the first and after the last sample, the value is constant. Of two samples at one
-        time, the later one is used.
+        time, the later one is used. A time that differs from a sample's by rounding is that of the
+        sample.
         """
-        i = int(np.searchsorted(self.time, t, side="right")) - 1
+        # k h is not always the number that a file has for it: 3 * 0.1 is above 0.3.
+        rounding = 8.0 * float(np.spacing(abs(t)))
+        i = int(np.searchsorted(self.time, t + rounding, side="right")) - 1
         if i < 0:
             return self.values[0]
         if self.variable.variability != "continuous" or i + 1 >= self.time.size:
             return self.values[i]
-        fraction = (t - self.time[i]) / (self.time[i + 1] - self.time[i])
-        if fraction == 0:
+        if t <= self.time[i] + rounding:
             return self.values[i]
+        fraction = (t - self.time[i]) / (self.time[i + 1] - self.time[i])
         return (1 - fraction) * self.values[i] + fraction * self.values[i + 1]
 
 

@@ -18,9 +18,10 @@ FOLDER = ".schema"
 _LINE = re.compile(r"#\s*yaml-language-server:\s*\$schema=\S*?(\w+)\.schema\.json\s*\n")
 # A preset's file has the name of the component that reads it.
 PRESETS = (
-    "altimeter", "compass", "controller", "depth_camera", "dvl", "gps", "guidance", "imu", "lbl",
-    "leak", "link", "magnetometer", "modem", "multibeam", "path_following", "pilot", "pressure",
-    "propeller", "thruster", "trajectory", "usbl",
+    "altimeter", "compass", "controller", "depth_camera", "dvl", "gps", "guidance",
+    "imaging_sonar", "imu", "lbl", "leak", "link", "magnetometer", "modem", "multibeam",
+    "multibeam_sonar", "path_following", "pilot", "pressure", "propeller", "scanning_sonar",
+    "side_scan_sonar", "thruster", "trajectory", "usbl",
 )  # fmt: skip
 # Names of the files of each schema: fixed ones, and those that editors and `uuvsim lint` expect.
 PATTERNS: dict[str, tuple[str, ...]] = {
@@ -31,8 +32,10 @@ PATTERNS: dict[str, tuple[str, ...]] = {
     "curriculum": ("*curriculum*.yaml",),
     "fins": ("fins.yaml",),
     "mapping": ("mapping.yaml",),
+    "materials": ("materials.yaml",),
     "preset": tuple(f"{kind}.yaml" for kind in PRESETS),
     "published": ("published.yaml",),
+    "recording": ("recording.yaml",),
     "randomisation": ("*randomisation*.yaml",),
     "scenario": ("*scenario*.yaml", "*faults*.yaml"),
     "scene": ("scene.yaml",),
