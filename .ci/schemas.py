@@ -27,6 +27,14 @@ FOLDER = Path(__file__).parents[1] / "models" / "schema"
 WIDTH = 120
 # What the parameters of presets are, by name.
 WORDS = {
+    "bandwidth": "bandwidth of the pulse, from which the range resolution c / 2B follows",
+    "bins": "number of range bins",
+    "depression": "angle of the beams below the horizontal",
+    "elevation": "width of the transmitted beam at half its power, at right angles to the fan",
+    "frequency": "frequency of the pulse",
+    "source_level": "source level, in dB re 1 uPa at 1 m",
+    "noise_level": "noise at the output of a beam, in dB re 1 uPa",
+    "step": "angle by which the head turns after each ping",
     "T": "time constant of both servos",
     "V_0": "volume at which the hull has its own buoyancy",
     "V_max": "largest volume",
@@ -129,6 +137,9 @@ OPTIONAL = {
     "sigma_water": "m/s",
     "pressure_max": "Pa",
     "beams": "1",
+    "bins": "1",
+    "step": "rad",
+    "range_max": "m",
     "swath": "rad",
     "fov_horizontal": "rad",
     "fov_vertical": "rad",

@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 
 from uuvsim_cosim.bridge.mavlink.dataflash import DataFlashLog
-from uuvsim_cosim.studies.identification.dataflash_reader import DataFlash
+from uuvsim_cosim.studies.identification.readers.dataflash_reader import DataFlash
 
 
 def is_same(found: Any, expected: Any) -> bool:

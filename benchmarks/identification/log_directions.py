@@ -17,10 +17,10 @@ from numpy.typing import NDArray
 
 from uuvsim_cosim.bridge.mavlink.dataflash import DataFlashLog
 from uuvsim_cosim.models.control.vehicle_design import thrusters_of
-from uuvsim_cosim.studies.identification.ardusub import motors_of
-from uuvsim_cosim.studies.identification.dataflash_log import read_dataflash
 from uuvsim_cosim.studies.identification.exclusions import kept_spans
 from uuvsim_cosim.studies.identification.logs import read_log
+from uuvsim_cosim.studies.identification.readers.ardusub import motors_of
+from uuvsim_cosim.studies.identification.readers.dataflash_log import read_dataflash
 
 LAGS = (0.0, 0.3, 0.6, 1.0)  # s
 

@@ -37,6 +37,10 @@ _PATH = Stimulus(
     shown=("cross_track", "eta_d", "nu_d"),
 )  # fmt: skip
 _QUATERNION = {"q[1]": 0.70710678, "q[4]": 0.70710678}  # heading 90 degrees
+# Over the level bottom at 25 m, of which sonars see an echo.
+_SONAR = Stimulus(
+    4.0, {"eta[3]": 20.0}, {"eta": [0, 0, 18, 0, 0, 0]}, shown=("range", "mean", "peak")
+)
 _AHEAD = {"nu_r": [1.5, 0, 0, 0, 0, 0]}  # m/s
 
 STIMULI = {
@@ -69,6 +73,7 @@ STIMULI = {
     "gps": Stimulus(60.0, {"eta[1]": 10.0}),
     "guidance": _PATH,
     "helm": Stimulus(2.0, {"position_d[1]": 0.5, "position_d[2]": 0.5}),
+    "imaging_sonar": _SONAR,
     "imu": Stimulus(5.0, {"nu_dot[1]": 0.5, "nu[6]": 0.1}),
     "lbl": Stimulus(30.0, {"eta[1]": 20.0}),
     "leak": Stimulus(30.0, {"eta[3]": 20.0}, {"A_hole": 1e-6, "eta": [0, 0, 1, 0, 0, 0]}),
@@ -78,6 +83,7 @@ STIMULI = {
     "modem": Stimulus(20.0, {"x_1[1]": 1.0}, shown=("y_2", "t_sample_2", "received_2", "lost_2")),
     "mpc": _LAW,
     "multibeam": Stimulus(10.0, {"eta[3]": 20.0}, {"eta": [0, 0, 10, 0, 0, 0]}),
+    "multibeam_sonar": _SONAR,
     "navigation": Stimulus(
         20.0, {"imu_acc[1]": 0.1, "compass_psi": 0.2},
         {"imu_acc": [0, 0, -9.81], "imu_valid": 1, "imu_t_sample": 0.0,
@@ -100,6 +106,8 @@ STIMULI = {
     "pressure": Stimulus(10.0, {"eta[3]": 10.0}),
     "propeller": Stimulus(2.0, {"u": 0.5}, _AHEAD),
     "reference": Stimulus(60.0),
+    "scanning_sonar": _SONAR,
+    "side_scan_sonar": _SONAR,
     "sliding_mode": _LAW,
     "target": Stimulus(60.0),
     "tether": Stimulus(
@@ -114,14 +122,16 @@ STIMULI = {
     "thruster_t200": Stimulus(2.0, {"u": 0.5}),
     "trajectory": Stimulus(120.0, shown=("eta_d", "nu_d", "waypoint")),
     "usbl": Stimulus(30.0, {"eta[1]": 20.0}, {"eta": [0, 0, 20, 0, 0, 0]}),
+    "water_column": Stimulus(20.0, {"eta[3]": 25.0}),
     "waves": Stimulus(60.0, {"eta[3]": 5.0}, tick="0.1"),
     "wrench": Stimulus(1.0, {"thrust[1]": 20.0, "thrust[2]": 20.0, "current[1]": 5.0}),
+    "yo_yo": Stimulus(120.0, {"eta[3]": 41.0, "eta[5]": 0.4}, {"eta": [0, 0, 20, 0, -0.38, 0]}),
 }  # fmt: skip
 
 _FORCE = {  # N: the surge force of a vehicle's step, of the size of its propulsion
     "bluerov2": 10.0, "bluerov2_heavy": 40.0, "desistek_saga": 20.0, "eca_a9": 15.0, "lauv": 8.0,
     "npsauv": 400.0, "pool8": 2.0, "remus100": 8.0, "rexrov": 500.0, "rexrov2": 500.0,
-    "sphere": 10.0, "tethys_lrauv": 10.0,
+    "slocum": 2.0, "sphere": 10.0, "tethys_lrauv": 10.0,
 }  # fmt: skip
 
 

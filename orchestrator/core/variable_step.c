@@ -201,7 +201,9 @@ static void choose_next(struct variable_step *v, double error, uint64_t ticks, i
     if (before == 0.0 || error == 0.0) return;
     const double change = set->safety * power(error, -set->integral - set->proportional) *
                           power(before, set->proportional);
-    const uint64_t next = within(set, clamped(change, set->slowest, set->fastest) * (double)ticks);
+    uint64_t next = within(set, clamped(change, set->slowest, set->fastest) * (double)ticks);
+    /* A step of few ticks would not grow at all by less than a tick. */
+    if (change > 1.0 && next == ticks && ticks < set->largest) next++;
     if (full || next > v->now.next) v->now.next = next;
 }
 

@@ -43,8 +43,7 @@ def system(tmp_path_factory: pytest.TempPathFactory) -> System:
         "altimeter": f"model:altimeter?{scene}",
         "multibeam": f"model:multibeam?{scene}&beams=24",
         "camera": f"model:depth_camera?id=camera_class&{scene}&columns=5&rows=4",
-        "sonar": f"model:imaging_sonar?{scene}&beams=5&bins=20&columns=20&rays=6&range_max=9"
-        "&labels=true",
+        "sonar": f"model:imaging_sonar?{scene}&beams=5&bins=20&columns=20&rays=6&range_max=9",
         "side": f"model:side_scan_sonar?{scene}&bins=9&columns=4&rays=6&range_max=9",
         "scan": f"model:scanning_sonar?{scene}&bins=9&columns=4&rays=6&range_max=9&period=0.06",
     }
@@ -90,3 +89,21 @@ def test_a_kernel_of_eight_lanes_has_the_bits_of_the_masters_one(system: System)
             seen = [batch.get(n).reshape(len(SEEDS), -1).astype(float) for n in names]
             np.testing.assert_array_equal(np.hstack(seen), wanted[:, k])
     assert touched > 0.0
+
+
+def test_a_float32_kernel_shows_the_image_of_a_float64_one() -> None:
+    """The phase 2 k r, of up to 1e5 turns, is float64 in both; places are rounded to float32."""
+    options = "beams=16&bins=32&columns=24&rays=12&range_max=30&scene=flat"
+    made = System("still", "0.2", "A sonar over a level bed")
+    made = made.add("hull", "model:sphere", {"eta_0": (1, 2, 20, 0, 0, 0.3)})
+    made = made.add("sonar", f"model:imaging_sonar?{options}")
+    for signal in ("eta", "q"):
+        made = made.connect(f"hull.{signal}", f"sonar.{signal}")
+    images = []
+    for dtype in ("float64", "float32"):
+        with fuse(made, dtype=dtype).batch(32, seeds=list(range(32))) as batch:
+            for _ in range(3):
+                batch.step()
+            images.append(np.array(batch.get("sonar.magnitude"), float))
+    assert np.corrcoef(images[0].ravel(), images[1].ravel())[0, 1] > 0.98
+    assert images[1].mean() == pytest.approx(images[0].mean(), rel=0.01)

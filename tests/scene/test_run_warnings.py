@@ -13,7 +13,7 @@ from uuvsim_cosim.models.worlds.scene import Scene, save_scene
 from uuvsim_cosim.models.worlds.terrain import Terrain, save_terrain
 from uuvsim_cosim.orchestrator.running.run import run
 from uuvsim_cosim.orchestrator.system.system import System
-from uuvsim_cosim.scene.run_warnings import contact_warnings, terrain_warnings
+from uuvsim_cosim.scene.run_warnings import contact_warnings, sonar_warnings, terrain_warnings
 
 
 @pytest.fixture
@@ -126,3 +126,19 @@ def test_systems_without_a_scene_and_runs_without_a_hull_say_nothing(ssd_of_terr
     )
     ssd_of_terrain.write_text('<c source="model:dvl"/>')
     assert terrain_warnings(ssd_of_terrain, np.arange(1.0), {"hull.eta": track((1e5, 0, 0))}) == []
+
+
+def test_a_sonar_above_the_water_or_in_an_obstacle_is_said(ssd: Path, tmp_path: Path) -> None:
+    piles = tmp_path / "piles"
+    file = tmp_path / "sonar.ssd"
+    file.write_text(f'<c source="model:imaging_sonar@p900?beams=9&amp;scene={piles}"/>')
+    places = track((50, 50, 3), (50, 50, -1), (0, 0, 10), (0, 0, 10))
+    first, second = sonar_warnings(file, np.arange(4.0), {"a.hull.eta": places})
+    assert first == (
+        "a.hull was above the water for 25 % of the time, first at t = 1 s: "
+        "sonars show noise alone there"
+    )
+    assert "in an obstacle of scene" in second
+    assert "50 % of the time, first at t = 2 s" in second
+    file.write_text('<c source="model:dvl"/>')
+    assert sonar_warnings(file, np.arange(4.0), {"a.hull.eta": places}) == []

@@ -1,4 +1,4 @@
-"""FMI 2.0 and 3.0: export of a declaration as an FMU, import of an FMU as a component.
+"""FMI 2.0 and 3.0: export of a declaration as an FMU; import of an FMU (also 1.0) as a component.
 
 Export is in `codegen/` and `export/`, import in `importer/`, `model_exchange/` and `isolation/`.
 The C around the equations is in the folder ``fmus/`` at the top. It may import `models` only.

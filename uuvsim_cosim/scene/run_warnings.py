@@ -17,7 +17,7 @@ from uuvsim_cosim.models.worlds.ground import ground_named, scene_named
 from uuvsim_cosim.orchestrator.recording.samples import Array, blocks, element
 from uuvsim_cosim.scene.shared.ray_casting import Caster
 
-__all__ = ["contact_warnings", "terrain_warnings"]
+__all__ = ["contact_warnings", "sonar_warnings", "terrain_warnings"]
 
 DEEP = 0.01  # m, from which a start inside something is reported
 
@@ -74,6 +74,30 @@ def _outside(scene: str, eta: str, time: Array, signals: Mapping[str, Array]) ->
         f"{high[1]:.0f} m) for {100 * sum(unknown) / row:.0f} % of the time, first at t = "
         f"{first[False]:g} s: sensors hear nothing there, and there is no bed to touch"
     )
+
+
+def sonar_warnings(ssd: Path, time: Array, signals: Mapping[str, Array]) -> list[str]:
+    """Return a message for each hull above the water or in an obstacle, where there are sonars."""
+    sonars = re.findall(r"model:(?:\w+_sonar)\b[^\"'\s<]*", _text_of(ssd))
+    scenes = [parse_qs(s.partition("?")[2]).get("scene", ["flat"])[0] for s in sonars]
+    found = []
+    for eta in (n for n in signals if n == "hull.eta" or n.endswith(".hull.eta")):
+        columns = (blocks(element(signals, eta, k, len(time))) for k in range(3))
+        at = np.column_stack([np.concatenate([*column, np.zeros(0)]) for column in columns])
+        if not len(at):
+            continue
+        for scene in dict.fromkeys(scenes):
+            cases = {"above the water": at[:, 2] < 0.0}
+            with suppress(UuvsimError):  # the file was deleted since it was compiled
+                caster = Caster(scene)
+                cases[f"in an obstacle of scene {scene}"] = caster.inside(at) >= 0
+            found += [
+                f"{eta.removesuffix('.eta')} was {where} for {100 * np.mean(there):.0f} % of the "
+                f"time, first at t = {time[np.argmax(there)]:g} s: sonars show noise alone there"
+                for where, there in cases.items()
+                if there.any()
+            ]
+    return list(dict.fromkeys(found))
 
 
 def contact_warnings(ssd: Path, tick: float, signals: Mapping[str, Array]) -> list[str]:

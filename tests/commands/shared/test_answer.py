@@ -153,6 +153,7 @@ QUICK = {
     "envs": "envs",
     "fmu inspect": "fmu inspect FMU",
     "fmu compare": "fmu compare FMU FMU",
+    "fmu conformance": "fmu conformance conforming --until 0.2",
     "new": "new tank --for TANK",
     "study": "study study.yaml",
     "access password": "access password",
@@ -181,6 +182,7 @@ LONG = {
     "pack": "pack nosuch -o x.ssp",
     "fmu system": "fmu system nosuch",
     "fmu client": "fmu client nosuch",
+    "fmu container": "fmu container nosuch",
 }
 
 
@@ -198,6 +200,8 @@ def test_every_command_answers_with_one_object_and_is_silent_when_quiet(
 
     Path("study.yaml").write_text(STUDY)
     Path("access.yaml").write_text(ACCESS)
+    Path("conforming").mkdir()
+    Path("conforming/x.fmu").write_bytes(first_order_fmi3.read_bytes())
     text = {**QUICK, **LONG}[path]
     for old, new in (("TANK", tank), ("RUN", ran), ("FMU", str(first_order_fmi3))):
         text = text.replace(old, new)

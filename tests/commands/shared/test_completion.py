@@ -65,6 +65,7 @@ def test_bash_completes_names_that_ship(completed: Completed) -> None:
     assert completed("uuvsim run bluerov2_") == [
         "bluerov2_ardusub", "bluerov2_hold", "bluerov2_px4", "bluerov2_survey", "bluerov2_task",
     ]  # fmt: skip
+    assert completed("uuvsim run sloc") == ["slocum_yo"]
     assert completed("uuvsim models show rem") == ["remus100"]
     assert "thruster_t200" in completed("uuvsim fmu build thruster thr")
     assert completed("uuvsim train uuvsim/Stat") == ["uuvsim/StationKeeping-v0"]

@@ -13,6 +13,7 @@ enum mode { INSTANTIATED, INITIALIZING, EVENT, CONTINUOUS };
 typedef struct {
     double x[N_VALUES], t;
     int kicked, rests;
+    int again; /* FMI 1.0: the last round of event iteration wants another */
     enum mode mode;
 } ball;
 

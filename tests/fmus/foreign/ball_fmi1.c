@@ -29,7 +29,7 @@ fmi1Component FMI(InstantiateModel)(fmi1String name, fmi1String guid, fmi1Callba
 void FMI(FreeModelInstance)(fmi1Component c) { free(c); }
 fmi1Status FMI(SetTime)(fmi1Component c, fmi1Real t) {
     ((ball *)c)->t = t;
-    return fmi1OK;
+    return ((ball *)c)->again ? fmi1Error : fmi1OK; /* the event iteration has not converged */
 }
 fmi1Status FMI(Initialize)(fmi1Component c, fmi1Boolean controlled, fmi1Real tolerance, fmi1EventInfo *info) {
     ball *b = c;
@@ -42,9 +42,12 @@ fmi1Status FMI(Initialize)(fmi1Component c, fmi1Boolean controlled, fmi1Real tol
     return fmi1OK;
 }
 fmi1Status FMI(EventUpdate)(fmi1Component c, fmi1Boolean intermediate, fmi1EventInfo *info) {
+    ball *b = c;
+    const int expected = b->again || ball_ends(b);
     UNUSED(intermediate);
-    inform(c, info, ball_event(c));
-    return fmi1OK;
+    b->again = ball_event(b);
+    inform(b, info, b->again);
+    return b->again || expected ? fmi1OK : fmi1Error; /* an update without an event */
 }
 fmi1Status FMI(CompletedIntegratorStep)(fmi1Component c, fmi1Boolean *event) {
     *event = (fmi1Boolean)ball_ends(c);

@@ -29,7 +29,7 @@ enum { STEPS, FAULT, MODE, STOP, N_INTEGER };
 typedef struct {
     fmi1Real real[N_REAL];
     fmi1Integer integer[N_INTEGER];
-    fmi1Boolean on;
+    fmi1Boolean flags[2]; /* on, spare */
     char label[N_TEXT];
     int initialized;
     double reached;
@@ -41,7 +41,7 @@ static void start(instance *s) {
     memset(s, 0, offsetof(instance, callbacks));
     s->real[K] = 1.0;
     s->real[T] = 0.5;
-    s->on = fmi1True;
+    s->flags[0] = fmi1True;
     s->integer[MODE] = 1;
     strcpy(s->label, "first order");
 }
@@ -84,7 +84,9 @@ fmi1Status FMI(InitializeSlave)(fmi1Component c, fmi1Real t, fmi1Boolean stops, 
 fmi1Status FMI(GetReal)(fmi1Component c, const fmi1ValueReference r[], size_t n, fmi1Real x[]) {
     instance *s = c;
     for (int i = 0; i < 3; i++) s->real[W + i] = 2 * s->real[V + i];
+#ifndef READS_EARLY
     if (!s->initialized) return refuse(s, "fmiGetReal");
+#endif
     for (size_t i = 0; i < n; i++) x[i] = s->real[r[i]];
     return fmi1OK;
 }
@@ -125,7 +127,7 @@ fmi1Status FMI(DoStep)(fmi1Component c, fmi1Real t, fmi1Real h, fmi1Boolean new_
         volatile int forever = 1;
         (void)forever;
     }
-    if (fault != 1 && s->on) s->real[Y] += h * (s->real[K] * s->real[U] - s->real[Y]) / s->real[T];
+    if (fault != 1 && s->flags[0]) s->real[Y] += h * (s->real[K] * s->real[U] - s->real[Y]) / s->real[T];
     s->integer[STEPS]++;
     s->reached = t + h;
     return fmi1OK;
@@ -151,13 +153,11 @@ fmi1Status FMI(SetInteger)(fmi1Component c, const fmi1ValueReference r[], size_t
     return fmi1OK;
 }
 fmi1Status FMI(GetBoolean)(fmi1Component c, const fmi1ValueReference r[], size_t n, fmi1Boolean x[]) {
-    (void)r;
-    for (size_t i = 0; i < n; i++) x[i] = ((instance *)c)->on;
+    for (size_t i = 0; i < n; i++) x[i] = ((instance *)c)->flags[r[i]];
     return fmi1OK;
 }
 fmi1Status FMI(SetBoolean)(fmi1Component c, const fmi1ValueReference r[], size_t n, const fmi1Boolean x[]) {
-    (void)r;
-    for (size_t i = 0; i < n; i++) ((instance *)c)->on = x[i];
+    for (size_t i = 0; i < n; i++) ((instance *)c)->flags[r[i]] = x[i];
     return fmi1OK;
 }
 fmi1Status FMI(GetString)(fmi1Component c, const fmi1ValueReference r[], size_t n, fmi1String x[]) {

@@ -90,6 +90,14 @@ def test_an_fmu_has_the_bits_of_the_native_component(
     component.free()
     for name, value in found.items():
         np.testing.assert_array_equal(value, wanted[name], err_msg=name)
+    left_out = {"magnitude", "label"} if fmi == 2 else set()
+    assert set(wanted) - set(found) == left_out
+
+
+def test_an_fmi_2_description_names_what_is_left_out(tmp_path: Path) -> None:
+    path = build_fmu(declare("imaging_sonar", complex=True), fmi=2, target=tmp_path / "sonar.fmu")
+    text = read_fmu(path).description.description
+    assert text.endswith("not in FMI 2.0: imaginary, magnitude, real")
 
 
 def test_an_equal_pose_gives_equal_bits_and_another_one_another_speckle(hills: str) -> None:

@@ -4,6 +4,7 @@ from collections.abc import Callable
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
+from zipfile import ZipFile
 
 import numpy as np
 import pytest
@@ -13,7 +14,9 @@ from uuvsim_cosim.fmus.component import Component
 from uuvsim_cosim.fmus.instantiation.instantiate import instantiate_fmu
 from uuvsim_cosim.orchestrator.master.master import Master
 from uuvsim_cosim.orchestrator.plan.flatten import flatten
+from uuvsim_cosim.orchestrator.running.library import load
 from uuvsim_cosim.orchestrator.running.run import run
+from uuvsim_cosim.orchestrator.ssp.ssp import pack
 from uuvsim_cosim.orchestrator.system.system import System
 
 CFmu = Callable[..., Path]
@@ -55,7 +58,9 @@ def test_the_values_of_its_aliases_have_their_sign_in_the_stepping_loop(
     makers = {"a": fmi1, "b": fmi1, "c": fmi1, "d": fmi1}
     makers["e"] = lambda path: instantiate_fmu(c_fmu(3), path)
     links = ["a.minus_y -> b.u", "a.y -> c.minus_u", "a.y -> d.u", "e.boolean_out -> d.off"]
+    links.append("e.boolean_out -> d.spare")  # a call sets two Booleans, of one byte each
     read = [("a", "minus_steps"), ("a", "steps"), ("d", "y"), ("d", "off"), ("d", "on")]
+    read.append(("d", "same_spare"))
     start = {"a": {"u": 2.0}, "e": {"boolean_in": True}}
     with Master(*wired(makers, links, start=start), live=read) as master:
         master.initialize()
@@ -65,7 +70,8 @@ def test_the_values_of_its_aliases_have_their_sign_in_the_stepping_loop(
         assert b == c < 0.0
         assert (master.get("a", "steps"), master.get("a", "minus_steps")) == (STEPS, -STEPS)
         assert master.get("d", "y") == 0.0  # it is off
-        assert (bool(master.get("d", "off")), bool(master.get("d", "on"))) == (True, False)
+        flags = [bool(master.get("d", name)) for name in ("off", "on", "same_spare")]
+        assert flags == [True, False, True]
 
 
 def test_connected_inputs_are_there_when_it_initializes(c_fmu: CFmu, tmp_path: Path) -> None:
@@ -84,6 +90,21 @@ def test_a_traced_run_has_the_same_bits(c_fmu: CFmu, tmp_path: Path) -> None:
     assert plain["b.y"][-1] > 0.0
     calls = (tmp_path / "calls.csv").read_text()
     assert "first_order_fmiInitializeSlave,0.0 1 1.0,ok" in calls
+
+
+@pytest.mark.parametrize("fmi", [2, 3])
+def test_a_packed_system_has_the_same_bits(c_fmu: CFmu, tmp_path: Path, fmi: Any) -> None:
+    system = System("s", "0.1").add("a", str(c_fmu(1)), start={"u": 1.0, "v": [1.0, 2.0, 3.0]})
+    system = system.add("b", str(c_fmu(1))).connect("a.y", "b.u").connect("a.w", "b.v")
+    plain = run(system, until=1.0, out=tmp_path / "a").signals()
+    pack(system, tmp_path / "s.ssp", fmi=fmi)
+    packed = run(load(tmp_path / "s.ssp"), until=1.0, out=tmp_path / "b").signals()
+    for name in ("b.y", "b.w"):
+        np.testing.assert_array_equal(plain[name], packed[name])
+    assert packed["b.w"][-1].tolist() == [4.0, 8.0, 12.0]
+    with ZipFile(tmp_path / "s.ssp") as archive:
+        text = archive.read("SystemStructure.ssd").decode()
+    assert 'name="v[1]"' in text  # FMI 1.0 has no arrays
 
 
 def test_an_iterated_group_is_refused_because_it_cannot_repeat_a_step(c_fmu: CFmu) -> None:

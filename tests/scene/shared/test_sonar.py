@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from math import radians, sin
 from typing import Any
 
@@ -10,6 +11,11 @@ import pytest
 from numpy.typing import NDArray
 from scipy import stats
 
+from uuvsim_cosim.content import content
+from uuvsim_cosim.errors import InputInvalid
+from uuvsim_cosim.fmus.codegen.runtime import runtime
+from uuvsim_cosim.fmus.codegen.toolchain import compile_shared
+from uuvsim_cosim.kernels.codegen.program import processor_flags
 from uuvsim_cosim.models.worlds.obstacles import Box, Obstacle, Sphere
 from uuvsim_cosim.models.worlds.scene import Scene
 from uuvsim_cosim.models.worlds.sonar_geometry import (
@@ -20,6 +26,7 @@ from uuvsim_cosim.models.worlds.sonar_geometry import (
 )
 from uuvsim_cosim.models.worlds.sonar_image import Surfaces
 from uuvsim_cosim.models.worlds.terrain import Terrain
+from uuvsim_cosim.scene.shared import sonar as shared_sonar
 from uuvsim_cosim.scene.shared.sonar import Sonar
 
 Array = NDArray[np.float64]
@@ -288,3 +295,61 @@ def test_the_gain_raises_by_its_power_of_the_range_and_by_the_absorption(
     ]
     lost = 0.4 * 30.0 if tvg == 0 else 0.0  # dB, two ways
     assert 10 * np.log10(levels[0] / levels[1]) == pytest.approx(fall * np.log10(4) + lost, abs=0.6)
+
+
+def test_the_phase_turns_by_twice_the_wave_number() -> None:
+    """Steps of 50 um toward a small ball at 55 m, which is 88,000 turns of phase away."""
+    g = geometry(
+        beams=1, swath=0.0, beam_width=radians(0.3), elevation=radians(0.3), columns=15, rays=15,
+        range_min=50.0, range_max=60.0, bins=100,
+    )  # fmt: skip
+    s = sonar(g, Sphere((55.0, 0.0, 10.0), 0.05), bed=False, frequency=1.2e6)
+    steps = 5e-5 * np.arange(6)
+    found = s.images(np.c_[steps, np.zeros(6), np.full(6, 10.0)], np.eye(3)).pressure[:, 0]
+    strongest = np.abs(found[0]).argmax()
+    turned = np.unwrap(np.angle(found[:, strongest]))
+    np.testing.assert_allclose(turned - turned[0], -4 * np.pi * 1.2e6 / 1500 * steps, atol=0.02)
+
+
+def test_bits_do_not_depend_on_the_instructions_of_a_processor(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    g = geometry(beams=9, bins=101, range_max=30.0)
+    hashes = set()
+    for flags in ((), ("-O0",), ("-O3", *processor_flags(False))):
+        library = compile_shared(
+            [content("fmus", "kernels") / "sonar_batch.c"],
+            name="sonar_batch", include=runtime(), flags=flags,
+        )  # fmt: skip
+        monkeypatch.setattr(shared_sonar, "_library", partial(shared_sonar.opened, library))
+        s = sonar(g, Sphere((12.0, 0.0, BED), 1.0), noise_level=60.0, absorption=0.3, tvg=30)
+        found = s.images(places(2, 3.0), np.eye(3))
+        hashes.add(found.pressure.tobytes() + found.label.tobytes() + found.magnitude.tobytes())
+    assert len(hashes) == 1
+
+
+def test_a_single_scatterer_has_an_amplitude_by_rayleighs_law() -> None:
+    """One ray that meets a wall at right angles, at many places of it."""
+    g = geometry(
+        beams=1, swath=0.0, beam_width=radians(0.1), elevation=radians(0.1), columns=1, rays=1,
+        range_max=21.0, bins=100,
+    )  # fmt: skip
+    s = sonar(g, Box((12.0, 0.0, 10.0), (0.1, 40.0, 10.0), 0.0), bed=False)
+    at = np.random.default_rng(8).uniform(-5, 5, (2000, 2))
+    found = intensity(s, np.c_[np.zeros(2000), at[:, 0], 10.0 + at[:, 1]]).max(axis=(1, 2))
+    amplitude = np.sqrt(found / found.mean())
+    assert stats.kstest(amplitude, stats.rayleigh(scale=np.sqrt(0.5)).cdf).pvalue > 0.01
+
+
+@pytest.mark.parametrize(
+    ("place", "words"),
+    [
+        ([0.0, 0.0, -1.0], r"\(0, 0, -1\) m; expected finite numbers, and D of 0 or more"),
+        ([0.0, np.nan, 1.0], "finite numbers"),
+        ([8.0, 0.0, 20.0], "is in the obstacle number 0; expected a place in the water"),
+    ],
+)
+def test_a_sonar_out_of_the_water_is_refused(place: list[float], words: str) -> None:
+    s = sonar(geometry(beams=8), Sphere((8.0, 0.0, 20.0), 1.0))
+    with pytest.raises(InputInvalid, match=words):
+        s.images([[0.0, 0.0, 10.0], place], np.eye(3))

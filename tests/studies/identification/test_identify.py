@@ -10,6 +10,7 @@ import pytest
 from numpy.typing import NDArray
 
 from uuvsim_cosim.cli import status_of
+from uuvsim_cosim.envs.randomisation.distributions import Normal
 from uuvsim_cosim.envs.randomisation.published import published
 from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.models.analysis.simulate import simulate
@@ -21,8 +22,8 @@ from uuvsim_cosim.orchestrator.plan.flatten import flatten
 from uuvsim_cosim.orchestrator.recording.signals import Signals
 from uuvsim_cosim.orchestrator.running.run import run
 from uuvsim_cosim.orchestrator.system.system import System
-from uuvsim_cosim.studies.identification.ambiguity import ambiguities
 from uuvsim_cosim.studies.identification.exclusions import Excluded
+from uuvsim_cosim.studies.identification.experiment import ambiguities
 from uuvsim_cosim.studies.identification.fit import fit
 from uuvsim_cosim.studies.identification.fitted_model import GreyBox
 from uuvsim_cosim.studies.identification.identify import Identified, Number, identify, unanswered
@@ -321,8 +322,10 @@ def test_a_fit_becomes_a_set_that_runs_and_that_randomisation_draws_from(
     assert "(set wu_2018)" in q["D_q_66"].source  # the data said nothing of it: as it was
     assert all(c.holds for c in checks_of("my_rov@my_fit"))
     drawn = {v.name: v.distribution for v in published("my_rov@my_fit").parameters}
-    low, high = (float(getattr(drawn["hull.D_q_11"], n)) for n in ("low", "high"))
-    assert (low, high) == pytest.approx((found["D_q_11"].low, found["D_q_11"].high))
+    errors = drawn["hull.D_q_11"]
+    assert isinstance(errors, Normal)
+    std = found["D_q_11"].half_width / 1.96
+    assert (errors.mean, errors.std) == pytest.approx((found["D_q_11"].value, std), rel=1e-4)
     with pytest.raises(InputInvalid, match="has a set of this name"):
         save_as(found, "my_rov@my_fit")
     with pytest.raises(InputInvalid, match="expected lower case"):

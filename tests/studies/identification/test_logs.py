@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from uuvsim_cosim.errors import InputInvalid
-from uuvsim_cosim.studies.identification.channels import read_channels
 from uuvsim_cosim.studies.identification.logs import read_log, read_parameter_file
+from uuvsim_cosim.studies.identification.readers.channels import read_channels
 
 
 def test_a_csv_may_have_units_arrays_or_the_columns_of_a_reference(tmp_path: Path) -> None:

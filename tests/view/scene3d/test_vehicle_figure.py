@@ -13,6 +13,7 @@ from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.models.actuators.fins import fin_geometry
 from uuvsim_cosim.models.actuators.thruster_geometry import thruster_geometry
 from uuvsim_cosim.models.declaration.parameter_files import (
+    propelled_ids,
     vehicle_folder,
     vehicle_ids,
     vehicle_size,
@@ -67,10 +68,11 @@ def test_each_thruster_and_fin_is_drawn_at_its_place(id: str) -> None:
             assert np.abs(found - place).max(axis=1).min() < 0.02 * size.length
     else:
         assert fins == []
-    expected = (thruster_geometry(id).r - size.at) @ ACROSS.T
+    at = thruster_geometry(id).r if id in propelled_ids() else np.empty((0, 3))
+    expected = (at - size.at) @ ACROSS.T
     walls = [p for p in parts(panel, "thruster") if len(p) == 4]
     assert len(walls) == 12 * len(expected)
-    found = np.array([w.mean(axis=0) for w in walls]) / scale - middle
+    found = np.array([w.mean(axis=0) for w in walls]).reshape(-1, 2) / scale - middle
     unit = np.cbrt(size.length * size.breadth * size.height)
     for place in expected:
         near = np.sort(np.abs(found - place).max(axis=1))[:12]

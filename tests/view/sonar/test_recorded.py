@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +14,7 @@ from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.models.worlds.obstacles import Sphere
 from uuvsim_cosim.models.worlds.scene import Scene, save_scene
 from uuvsim_cosim.models.worlds.terrain import Terrain
+from uuvsim_cosim.view.reports.run_report import write_report
 from uuvsim_cosim.view.sonar.pictures import waterfall
 from uuvsim_cosim.view.sonar.recorded import scans_of_run
 from uuvsim_cosim.view.sonar.xtf import read_xtf
@@ -165,6 +167,25 @@ def test_a_multibeam_looks_down_and_finds_the_bottom(survey: Path) -> None:
     assert scans.downward
     assert scans.detections is not None
     assert scans.detections[0, 4] == pytest.approx(3.9, abs=0.6)
+
+
+def test_the_report_shows_each_sonar_beside_the_scene(survey: Path, run: Path) -> None:
+    text = write_report(survey).read_text(encoding="utf-8")
+    assert "<h2>Sonar</h2>" in text
+    cards = re.findall(r'<div class="card sonar"><h3>(\w+)<', text)
+    assert cards == ["side", "scanning", "multibeam"]
+    own = write_report(run).read_text(encoding="utf-8")
+    [card] = re.findall(r'<div class="card sonar">.*?</div>', own, re.S)
+    scans = scans_of_run(run)
+    pictures_ = re.findall(r"base64,([^\"]+)", card)
+    assert len(pictures_) == len(scans)
+    assert len(set(pictures_)) == len(scans)
+    assert f'max="{len(scans) - 1}"' in card
+
+
+def test_a_report_without_a_sonar_has_no_such_section(tmp_path: Path) -> None:
+    uuv.run("bluerov2_hold", until=0.1, out=tmp_path / "r")
+    assert "<h2>Sonar</h2>" not in write_report(tmp_path / "r").read_text(encoding="utf-8")
 
 
 def test_several_sonars_need_a_name(survey: Path) -> None:

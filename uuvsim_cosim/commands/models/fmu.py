@@ -29,6 +29,7 @@ from uuvsim_cosim.commands.shared.terminal import (
     line,
     put,
     range_of,
+    remark,
     table,
     tilde,
 )
@@ -36,6 +37,7 @@ from uuvsim_cosim.errors import InputInvalid, UuvsimError
 
 if TYPE_CHECKING:
     from uuvsim_cosim.fmus.check.check_fmu import Look
+    from uuvsim_cosim.orchestrator.system.system import System
 
 __all__ = ["app"]
 
@@ -80,11 +82,12 @@ def _build(
     file_line(path)
 
 
-def _with_options_of_build(command: Callable[..., None]) -> Callable[..., None]:
+def _with_options_of_build(command: Callable[..., None], *without: str) -> Callable[..., None]:
     """Declare the options of `_build` for a command, before its own: typer reads the signature."""
     _, *shared, _ = signature(_build, eval_str=True).parameters.values()
     *own, _ = signature(command, eval_str=True).parameters.values()
-    command.__signature__ = Signature([*shared, *own])  # type: ignore[attr-defined]
+    options = [*(p for p in shared if p.name not in without), *own]
+    command.__signature__ = Signature(options)  # type: ignore[attr-defined]
     return command
 
 
@@ -95,6 +98,22 @@ def system(**options: Any) -> None:
     from uuvsim_cosim.kernels.system_fmu.system_fmu import build_system_fmu
 
     _build(build_system_fmu, **options)
+
+
+def container(**options: Any) -> None:
+    """Build one FMU that contains the FMUs of a system, and steps them as the master does."""
+    from uuvsim_cosim.kernels.system_fmu.container import build_container_fmu
+
+    def build(system: System, *, platforms: Sequence[str], **more: Any) -> Path:
+        path, remarks = build_container_fmu(system, **more)
+        for text in remarks:
+            remark("note", text)
+        return path
+
+    _build(build, **options, platform="host")
+
+
+app.command("container")(_with_options_of_build(container, "platform"))
 
 
 @app.command("client")
@@ -265,3 +284,40 @@ def check(
         file_line(junit)
     if wrong:
         raise InputInvalid("; ".join(wrong), "none")
+
+
+@app.command("conformance")
+def conformance(
+    folder: Annotated[Path, typer.Argument(help="Folder with .fmu, .ssp, .ssd and OSP systems.")],
+    until: Annotated[float, typer.Option(help="Longest simulated time of each [s].")] = 10.0,
+    out: Annotated[
+        Path | None, typer.Option("--out", "-o", help="File for the table, as Markdown.")
+    ] = None,
+) -> None:
+    """Run every FMU and system in a folder: equal to the reference, runs, or refused.
+
+    An FMU is compared with the result that it carries, else with FMPy. The exit status is 1 if one
+    deviates, crashes or fails.
+    """
+    if not 0 < until < float("inf"):
+        raise InputInvalid(f"--until {until:g}", "more than 0 seconds")
+    from uuvsim_cosim.orchestrator.running.conformance import Judged, markdown
+    from uuvsim_cosim.orchestrator.running.conformance import conformance as run_all
+
+    def show(judged: Judged) -> None:
+        name = judged.subject.path.relative_to(folder)
+        if answer().mode != "json":
+            line(f"{judged.result}: {name}, {judged.subject.kind}: {judged.text}")
+
+    found = run_all(folder, until=until, report=show)
+    put("results", [
+        {"file": str(j.subject.path), "kind": j.subject.kind, "result": j.result, "text": j.text}
+        for j in found
+    ])  # fmt: skip
+    counts = {r: sum(j.result == r for j in found) for r in dict.fromkeys(j.result for j in found)}
+    table(("result", "number"), list(counts.items()), key="counts")
+    if out is not None:
+        written(out, markdown(folder, found))
+        file_line(out)
+    if counts.get("deviates") or counts.get("failed"):
+        raise typer.Exit(1)

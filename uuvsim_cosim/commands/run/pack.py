@@ -9,7 +9,7 @@ import typer
 
 from uuvsim_cosim.commands.shared.completion import systems
 from uuvsim_cosim.commands.shared.options import fmi_version, platform_names
-from uuvsim_cosim.commands.shared.terminal import console, file_line
+from uuvsim_cosim.commands.shared.terminal import console, file_line, remark
 from uuvsim_cosim.errors import InputInvalid
 
 __all__ = ["pack_command"]
@@ -34,10 +34,20 @@ def pack_command(
     platforms = platform_names(platform)
     if out.suffix.lower() != ".ssp":
         raise InputInvalid(out, f"ending {out.suffix!r} was read", ".ssp")
+    from uuvsim_cosim.orchestrator.plan.flatten import flatten
     from uuvsim_cosim.orchestrator.running.library import load
     from uuvsim_cosim.orchestrator.ssp.ssp import pack
 
     found = load(system)
     with console(stderr=True).status(f"packing {system}"):
         pack(found, out, fmi=version, seed=seed, platforms=platforms)
+    plan = flatten(found)
+    for group in plan.groups:
+        if group.algorithm != "jacobi":
+            members = ", ".join(plan.components[i].path for i in group.members)
+            remark(
+                "warning",
+                f"{group.algorithm} group {members}: SSP has no groups, so other tools delay its "
+                "connections by a step; `uuvsim fmu container` keeps it",
+            )
     file_line(out)

@@ -23,7 +23,7 @@ def summary(run: Run, surveyed: SeabedMap | None = None) -> tuple[list[Figure], 
     """Return the figures of a run and its map, and warnings on terrain and contact."""
     import numpy as np
 
-    from uuvsim_cosim.scene.run_warnings import contact_warnings, terrain_warnings
+    from uuvsim_cosim.scene.run_warnings import contact_warnings, sonar_warnings, terrain_warnings
     from uuvsim_cosim.view.recorded.metrics import Figure, figures
     from uuvsim_cosim.view.recorded.traces import traces_of
 
@@ -32,6 +32,7 @@ def summary(run: Run, surveyed: SeabedMap | None = None) -> tuple[list[Figure], 
     found = figures(traces, path)
     ssd = run.folder / "system.ssd"
     warnings = terrain_warnings(ssd, traces.time, traces.values)
+    warnings += sonar_warnings(ssd, traces.time, traces.values)
     warnings += contact_warnings(ssd, run.tick, traces.values)
     if surveyed is not None:
         from uuvsim_cosim.view.reports.survey_map import map_figures

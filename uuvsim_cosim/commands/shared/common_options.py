@@ -94,6 +94,10 @@ GROUPS: dict[str, dict[str, tuple[str, ...]]] = {
         OUTPUT: ("--out",),
     },
     "fmu system": _FMU,
+    "fmu container": {
+        group: tuple(option for option in options if option != "--platform")
+        for group, options in _FMU.items()
+    },
     "fmu client": {**_FMU, _CONNECTIONS: ("--host", "--port")},
 }  # fmt: skip
 
@@ -185,9 +189,11 @@ EXAMPLES: dict[str, tuple[str, ...]] = {
     "fmu build": ("fmu build thruster --fmi 2 --platform linux64,win64 -o out",),
     "fmu inspect": ("fmu inspect my_controller.fmu", "fmu inspect my_controller.fmu --json"),
     "fmu check": ("fmu check my_controller.fmu", "fmu check a.fmu b.fmu --junit fmus.xml"),
+    "fmu conformance": ("fmu conformance my_fmus", "fmu conformance my_fmus -o table.md"),
     "fmu compare": ("fmu compare before.fmu after.fmu", "fmu compare a.fmu b.fmu --json"),
     "fmu system": ("fmu system bluerov2_hold -o .",),
     "fmu client": ("fmu client bluerov2_hold -o .",),
+    "fmu container": ("fmu container plant.ssd -o .", "fmu container plant.ssd --fmi 3"),
     "pack": ("pack bluerov2_survey -o survey.ssp",),
     "new": (
         "new controller",

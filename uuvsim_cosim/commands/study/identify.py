@@ -162,9 +162,9 @@ def identify_command(
     Multiple shooting on the declared equations, 95 % intervals, and a more informative manoeuvre.
     """
     from uuvsim_cosim.studies.identification.assumptions import Assumptions
-    from uuvsim_cosim.studies.identification.channels import read_channels
     from uuvsim_cosim.studies.identification.identify import identify, recorded_system
     from uuvsim_cosim.studies.identification.logs import read_log, read_parameter_file
+    from uuvsim_cosim.studies.identification.readers.channels import read_channels
     from uuvsim_cosim.studies.identification.save import save_as as save
 
     if manoeuvre is not None and no_proposals:

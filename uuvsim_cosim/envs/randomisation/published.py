@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from uuvsim_cosim.envs.randomisation import sets
-from uuvsim_cosim.envs.randomisation.distributions import Distribution, Uniform
+from uuvsim_cosim.envs.randomisation.distributions import Distribution
 from uuvsim_cosim.envs.randomisation.randomisation import Randomisation
 from uuvsim_cosim.orchestrator.system.system import System
 
@@ -16,17 +16,19 @@ def published(
     vehicle: str,
     prefix: str = "hull",
     set: str | None = None,
-    distribution: Callable[[float, float], Distribution] = Uniform,
+    distribution: Callable[[float, float], Distribution] | None = None,
 ) -> Randomisation:
     """Return a randomisation of a hull's parameters over the intervals of their published values.
 
     `vehicle` is a shipped vehicle or a folder, and `set` one of its parameter sets (None: its
     default). Both must be those of the system's hull, since a parameter that a set does not have is
     structurally zero and cannot be drawn. `prefix` is the path of the hull in the system.
-    `distribution` makes a distribution from the least and the greatest value. An identified set
-    (`uuvsim identify --save-as`) has its own intervals, and only those are used. Units are those of
-    the parameters. Values and sources: models/vehicles/<vehicle>/published.yaml. Raises
-    InputInvalid for a vehicle without published intervals.
+    `distribution` makes a distribution from the least and the greatest value, by default a uniform
+    one. An identified set (`uuvsim identify --save-as`) has its own intervals, and only those are
+    used for the fitted numbers: their errors are normal, within three deviations, and have the
+    correlation of the fit. Units are those of the parameters. Values and sources:
+    models/vehicles/<vehicle>/published.yaml. Raises InputInvalid for a vehicle without published
+    intervals.
 
     Example:
 

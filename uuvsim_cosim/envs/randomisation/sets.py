@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterable
 import numpy as np
 
 from uuvsim_cosim.content import content
-from uuvsim_cosim.envs.randomisation.distributions import Distribution, LogUniform, Uniform
+from uuvsim_cosim.envs.randomisation.distributions import Distribution, LogUniform, Normal, Uniform
 from uuvsim_cosim.envs.randomisation.targets import Declared, Places, Vary
 from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.orchestrator.system.system import System
@@ -31,9 +31,12 @@ def published_intervals(
     vehicle: str,
     prefix: str = "hull",
     set: str | None = None,
-    distribution: Callable[[float, float], Distribution] = Uniform,
+    distribution: Callable[[float, float], Distribution] | None = None,
 ) -> Declared:
-    """Draw each number of a hull from the interval of all its published values."""
+    """Draw each number of a hull from the interval of all its published values.
+
+    An identified set has a normal distribution, with the correlation of its errors.
+    """
     from uuvsim_cosim.models.declaration.parameter_files import (
         in_unit,
         is_vehicle,
@@ -56,26 +59,48 @@ def published_intervals(
     place = file.relative_to(content()).as_posix() if ships else str(file.absolute())
     known = parameter_set(vehicle, set or own or None).quantities
     found: list[Vary] = []
+    chosen = set or own
+    identified: list[str] = []
     for name, values in data["parameters"].items():
         if name not in known:
             continue
         unit = known[name].unit
-        chosen = set or own
         values = [v for v in values if v.get("set", chosen) == chosen]
         values = [v for v in values if "set" in v] or values
         if len(values) < 2:
             continue
         numbers = [in_unit(float(v["value"]), str(v["unit"]), unit) for v in values]
         sources = tuple((place, " ".join(str(v["source"]).split())) for v in values)
-        interval = distribution(min(numbers), max(numbers))
-        found.append(Vary(f"{prefix}.{name}", interval, sources=sources))
-    pairs = {
-        (f"{prefix}.{a}", f"{prefix}.{b}"): float(entry["value"])
-        for entry in data.get("correlation", ())
-        for a, b in [entry["between"]]
-        if {f"{prefix}.{a}", f"{prefix}.{b}"} <= {vary.name for vary in found}
-    }
+        low, high = min(numbers), max(numbers)
+        if "set" in values[0]:
+            identified.append(name)
+            drawn = (distribution or _normal(known[name].value))(low, high)
+        else:
+            drawn = (distribution or Uniform)(low, high)
+        found.append(Vary(f"{prefix}.{name}", drawn, sources=sources))
+    pairs = {}
+    for entry in data.get("correlation", ()):
+        a, b = entry["between"]
+        # The errors of a fit have their own correlation, whatever was published of the two.
+        own_pair = a in identified and b in identified
+        if entry.get("set") == (chosen if own_pair else None) and (
+            {f"{prefix}.{a}", f"{prefix}.{b}"} <= {vary.name for vary in found}
+        ):
+            pairs[f"{prefix}.{a}", f"{prefix}.{b}"] = float(entry["value"])
     return Declared(found, pairs)
+
+
+def _normal(value: float) -> Callable[[float, float], Distribution]:
+    """Return a maker of the normal distribution about `value` of a 95 % interval.
+
+    It ends at three deviations: numbers are saved only if that is less than the number itself.
+    """
+
+    def made(low: float, high: float) -> Distribution:
+        std = (high - low) / (2.0 * 1.96)
+        return Normal(value, std, value - 3.0 * std, value + 3.0 * std)
+
+    return made
 
 
 def noise_of_sensors(system: System, low: float = 0.5, high: float = 2.0) -> Declared:

@@ -6,6 +6,7 @@ import zipfile
 from collections.abc import Callable, Collection, Mapping, Sequence
 from io import BytesIO
 from pathlib import Path
+from types import MappingProxyType
 from xml.etree.ElementTree import Element, SubElement, fromstring
 
 from uuvsim_cosim.cache import cache_dir, content_hash, intact, keep, write_whole
@@ -148,11 +149,13 @@ def packed(
     platforms: Collection[Platform],
     library: Callable[[Platform], Path],
     target: Path | None,
+    more: Mapping[str, bytes] = MappingProxyType({}),
 ) -> Path:
     """Return the path of an .fmu: `target` (a file, or a folder), else in the cache.
 
-    `texts` are members by name. Added to them are the libraries, the licences, and in FMI 3.0 the
-    list of the `sources`, if the FMU can be compiled from them.
+    `texts` are members by name, and `more` are members that are no text. Added to them are the
+    libraries, the licences, and in FMI 3.0 the list of the `sources`, if the FMU can be compiled
+    from them.
     """
     if WASM32 in platforms:
         if fmi == 2:
@@ -180,7 +183,7 @@ def packed(
         for source in sources:
             SubElement(files, "SourceFile", name=source)
         texts["sources/buildDescription.xml"] = xml_text(root)
-    members = {k: v.encode() for k, v in texts.items()}
+    members = {k: v.encode() for k, v in texts.items()} | dict(more)
     for place in sorted(platforms, key=lambda p: p.fmi2):
         folder = place.fmi2 if fmi == 2 else place.fmi3
         members[f"binaries/{folder}/{identifier}{place.suffix}"] = library(place).read_bytes()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
 from typing import Literal
 from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
@@ -54,6 +55,12 @@ def model_description(
     """Return the XML text; `sources` are listed in FMI 2.0, and the tool's version in a release."""
     model = eq.layout.model
     description = describe(model, eq)
+    words = model.description
+    if fmi == 2 and model.only_arrays:
+        kept = {k: v for k, v in description.variables.items() if k not in model.only_arrays}
+        description = replace(description, variables=kept)
+        left_out = sorted(v.name for v in model.of_kind("output") if v.name in model.only_arrays)
+        words = f"{words}; not in FMI 2.0: {', '.join(left_out)}"
     for name in description.variables:
         if name == "time" or _NAME.match(name) is None:
             raise ParameterInvalid(
@@ -62,7 +69,7 @@ def model_description(
                 "a name of letters, digits, '_' and '.', other than 'time'",
             )
     tool = f"uuvsim-cosim {__version__}" if release else "uuvsim-cosim"
-    root = document(fmi, model.name, token, model.description, tool)
+    root = document(fmi, model.name, token, words, tool)
     for interface in ("ModelExchange", "CoSimulation"):  # FMI 3.0 requires this order
         state = "FMUstate" if fmi == 2 else "FMUState"
         capable = [f"canGetAndSet{state}", f"canSerialize{state}"]

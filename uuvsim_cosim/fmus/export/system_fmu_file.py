@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import html
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from fractions import Fraction
 from functools import lru_cache
 from pathlib import Path
@@ -182,6 +182,7 @@ class WholeFmu:
     page: str
     libraries: Mapping[str, Sequence[str]] | None = None  # by suffix of the binary
     portable: bool = True  # the FMU can be compiled from its sources only
+    members: Mapping[str, bytes] = field(default_factory=dict)  # more of the archive, as they are
 
 
 @lru_cache
@@ -227,7 +228,7 @@ def compiled(
             include=[*fmu.include, fmi_headers()],
         )
 
-    return packed(texts, whole.identifier, sources, fmi, wanted, library, target)
+    return packed(texts, whole.identifier, sources, fmi, wanted, library, target, fmu.members)
 
 
 def _library(fmu: WholeFmu, place: Platform) -> Path:

@@ -38,7 +38,11 @@ _LAST_SUCCESSFUL_TIME, _DISCARD, _PENDING = 2, 2, 5
 
 
 class _Callbacks(ctypes.Structure):
-    """``fmiCallbackFunctions``, which is passed by value; Model Exchange has no last member."""
+    """``fmiCallbackFunctions``, which is passed by value.
+
+    Model Exchange has no last member. It does not read it either: on all platforms of 64 bits, a
+    structure of this size is passed in memory, and the argument after it in a register.
+    """
 
     _fields_ = (
         ("logger", _P),

@@ -200,13 +200,15 @@ def signal_of(
     connected = fused.plan.connected.get((i, own), ())
     has_start = first < m.n_start
     lanes, cell = place(m.cell + first) or (memory, m.cell + first)
+    # A variable without a start may be larger than the start values of all others together.
+    begin = (m.start_cell + first, v.shape) if has_start else (0, ())
     return Signal(
         name,
         v,
         i,
         memory.n_envs,
         Column(lanes, cell, v.shape, dtype, bits=bits),
-        Column(start, m.start_cell + first if has_start else 0, v.shape, dtype, bits=bits),
+        Column(start, *begin, dtype, bits=bits),
         len(connected) == v.size,
         float(np.finfo(kernel.dtype).max),
     )

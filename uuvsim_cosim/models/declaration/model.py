@@ -119,6 +119,7 @@ class Model:
         self.clocks: list[Clock] = []
         self.derivatives: dict[str, ca.SX] = {}
         self.made_for: dict[str, str] = {}  # id@set by what, see `fmus/pairs.py`
+        self.only_arrays: set[str] = set()  # too large for FMI 2.0, which lists elements one by one
         self.peers: dict[str, str] = {}  # what an input is for, see `orchestrator/system/system.py`
 
     # ---- declarations ---------------------------------------------------------------------

@@ -206,6 +206,8 @@ def declare_sonar(
         m, ping, "mean", ca.sum1(mean) / len(turned), unit="Pa", description="of the magnitudes"
     )
     held_output(m, ping, "peak", ca.mmax(peak), unit="Pa", description="greatest magnitude")
+    for name in ("magnitude", "real", "imaginary", "label"):
+        m.only_arrays |= {name, f"{name}_held"} & m.variables.keys()
     validity_and_time(m, ping, ca.sum1(ranges) > 0.0, "any beam has an echo")
     p.complete()
     return m

@@ -142,7 +142,7 @@ def sonar_geometry(
     u_b = np.array([sin(b) for b in bearings])
     edge = min(swath / 2 + 1.5 * beam_width, 0.98 * pi / 2)
     n = columns or max(4, ceil(2 * edge / (beam_width / 4)))
-    least = ceil(2 * edge / beam_width)
+    least = max(1, round(swath / beam_width))
     if n < least or rays < 1:
         raise ParameterInvalid(
             path,

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import math
 import sys
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from fractions import Fraction
 from functools import cached_property
 from itertools import groupby
 from typing import get_args
@@ -117,8 +118,9 @@ def tables_of(
     live: Sequence[tuple[int, Variable]] = (),
     held: Sequence[tuple[int, Variable]] = (),
     serve: Serve | None = None,
+    core_of: Callable[[int, int, Fraction], Core] = Core,
 ) -> Tables:
-    """Number the slots, and fill in the core's tables.
+    """Number the slots, and fill in the tables of the core that `core_of` makes.
 
     `recorded` are (index into Plan.components, variable) of the columns of a row. Variables of
     `live` are read, and inputs of `held` are set, in every step as well. `serve` steps an isolated
@@ -141,7 +143,7 @@ def tables_of(
         _exchanged(plan, components, order, bindings, read, outputs=True), first_output
     )
     n_slots = first_output + sum(p.variable.size for p in outputs.values())
-    core = Core(len(order), n_slots, plan.tick)
+    core = core_of(len(order), n_slots, plan.tick)
     set_, got = _by_member(inputs, len(order)), _by_member(outputs, len(order))
     sequential = {i for g in plan.groups if g.algorithm != "jacobi" for i in g.members}
     for member, i in enumerate(order):

@@ -9,6 +9,10 @@ from functools import partial
 from uuvsim_cosim.orchestrator.shipped.autopilot import bluerov2_with
 from uuvsim_cosim.orchestrator.shipped.glider import slocum_yo
 from uuvsim_cosim.orchestrator.shipped.pool import pool_tracking
+from uuvsim_cosim.orchestrator.shipped.sonar_missions import (
+    sidescan_survey,
+    wreck_inspection,
+)
 from uuvsim_cosim.orchestrator.shipped.tasks import OBSERVED, THRUSTERS, task_system
 from uuvsim_cosim.orchestrator.shipped.tracking import target_tracking
 from uuvsim_cosim.orchestrator.system.system import System
@@ -164,6 +168,8 @@ BUILDERS: dict[str, Callable[[], System]] = {
     "bluerov2_task": task_system,
     "pool_tracking": pool_tracking,
     "seabed_mapping": lambda: seabed_mapping(bluerov2_survey()),
+    "sidescan_survey": sidescan_survey,
     "slocum_yo": slocum_yo,
     "target_tracking": partial(target_tracking, 2),
+    "wreck_inspection": lambda: wreck_inspection(bluerov2_survey()),
 }

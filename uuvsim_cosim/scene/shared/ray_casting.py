@@ -111,6 +111,17 @@ class Caster:
         )
         return z
 
+    def inside(self, places: ArrayLike) -> NDArray[np.int32]:
+        """Return the number of the obstacle in which each place (n, 3) lies, -1 where in none.
+
+        Obstacles are convex: in opposite directions, only a place in one meets it both times.
+        """
+        at = _vectors(places, "places")
+        down = np.tile([0.0, 0.0, 1.0], (len(at), 1))
+        up, down = (self.cast(at, d)[1] for d in (-down, down))
+        known = (up == down) & (up >= SOLID) & (up < SOLID + len(self.ground.solids))
+        return np.where(known, up - SOLID, -1).astype(np.int32)
+
 
 def _vectors(values: ArrayLike, name: str) -> Array:
     array = np.ascontiguousarray(values, np.float64)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import ctypes
 from dataclasses import dataclass
 from functools import lru_cache
+from pathlib import Path
 from typing import final
 
 import numpy as np
@@ -88,9 +89,11 @@ class Sonar:
         """Return the images from `positions` (n, 3) [m] in `n`, and by `rotations` (n, 3, 3).
 
         A rotation turns vectors of the instrument into `n`. `seed` is that of the noise alone.
+        Raises InputInvalid for a place that is above the water, in an obstacle or not finite.
         """
         p = np.asarray(positions, float).reshape(-1, 3)
         R = np.broadcast_to(np.asarray(rotations, float), (len(p), 3, 3))
+        self._check(p)
         g = self.geometry
         n, beams, pixels = len(p), len(g.bearings), len(g.bearings) * g.bins
         draws = np.random.default_rng(seed).standard_normal((n, 2))
@@ -109,6 +112,26 @@ class Sonar:
         pressure = (parts[:, 0] + 1j * parts[:, 1]).astype(np.complex64)
         ranges, echoes = (seen[:, pixels + k * beams : pixels + (k + 1) * beams] for k in (0, 1))
         return Echoes(magnitude, pressure, label, ranges, echoes)
+
+    def _check(self, places: Array) -> None:
+        bad = np.flatnonzero(~np.isfinite(places).all(axis=1) | ~(places[:, 2] >= 0.0))
+        if len(bad):
+            at = ", ".join(f"{x:g}" for x in places[bad[0]])
+            raise InputInvalid(
+                f"sonar at place {bad[0]}",
+                f"({at}) m",
+                "finite numbers, and D of 0 or more: in water",
+            )
+        inside = self._caster.inside(places) if len(self._caster.ground.solids) else np.array([-1])
+        if (inside >= 0).any():
+            first = int(np.argmax(inside >= 0))
+            name = self._caster.ground.names[inside[first]] or f"number {inside[first]}"
+            at = ", ".join(f"{x:g}" for x in places[first])
+            raise InputInvalid(
+                f"sonar at place {first}",
+                f"({at}) m is in the obstacle {name}",
+                "a place in the water",
+            )
 
 
 class _SonarStruct(ctypes.Structure):
@@ -132,7 +155,12 @@ class _SonarStruct(ctypes.Structure):
 @lru_cache
 def _library() -> ctypes.CDLL:
     source = content("fmus", "kernels") / "sonar_batch.c"
-    c = ctypes.CDLL(str(compile_shared([source], name="sonar_batch", include=runtime())))
+    return opened(compile_shared([source], name="sonar_batch", include=runtime()))
+
+
+def opened(library: Path) -> ctypes.CDLL:
+    """Load a compiled ``sonar_batch.c``."""
+    c = ctypes.CDLL(str(library))
     pointer, count = ctypes.c_void_p, ctypes.c_int64
     c.uuv_sonar_room.argtypes = [pointer, ctypes.c_int]
     c.uuv_sonar_room.restype = count

@@ -42,7 +42,7 @@ def exclusions(series: Mapping[str, Series], end: float) -> list[Excluded]:
     the bottom, under tow.
     """
     found: list[Excluded] = []
-    for reason, spans in _reasons(series):
+    for reason, spans in _reasons(series, end):
         for first, last in spans:
             for a, b in _without(max(first, 0.0), min(last, end), found):
                 if b - a > 1e-6:
@@ -76,12 +76,14 @@ def _without(first: float, last: float, found: list[Excluded]) -> Iterator[tuple
         yield here, last
 
 
-def _reasons(series: Mapping[str, Series]) -> Iterator[tuple[str, list[tuple[float, float]]]]:
+def _reasons(
+    series: Mapping[str, Series], end: float
+) -> Iterator[tuple[str, list[tuple[float, float]]]]:
     if "armed" in series:
         yield "disarmed", _spans(series["armed"].t, series["armed"].values[:, 0] == 0.0)
     for name, what in (("commands", "commands"), ("attitude", "attitude")):
         if name in series:
-            t = series[name].t
+            t = np.concatenate([[0.0], series[name].t[series[name].t > 0.0], [end]])
             at = np.flatnonzero(np.diff(t) > _GAP)
             yield f"no {what} in the log", [(float(t[k]), float(t[k + 1])) for k in at]
     if "depth" in series:

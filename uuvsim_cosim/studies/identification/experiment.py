@@ -1,30 +1,98 @@
-"""Proposals of further manoeuvres: from a small library, ranked by D-optimality.
+"""Information of a recording: what it does not determine, and what would tell more.
 
-Each manoeuvre is simulated with the fitted model: open loop, from rest, with the noise of the
-residuals. Its Fisher information is computed as for a recording. The best one has the largest
+Weak directions of the Fisher information are combinations of parameters that the data do not
+determine. Further manoeuvres are proposed from a small library, ranked by D-optimality. Each one is
+simulated with the fitted model: open loop, from rest, with the noise of the residuals. Its Fisher
+information is computed as for a recording. The best one has the largest
 determinant of the information of data and manoeuvre together.
+
+If the residuals of a fit are not white, a step from its end tells which further unknown (a delay, a
+current, biases) would lower the sum of squares.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from functools import reduce
 
 import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from uuvsim_cosim.studies.identification.ambiguity import own_sizes, scaled_information
+from uuvsim_cosim.studies.identification.assumptions import MEASURED, Assumptions
 from uuvsim_cosim.studies.identification.fit import Fit
 from uuvsim_cosim.studies.identification.fitted_model import GreyBox
+from uuvsim_cosim.studies.identification.parameters import Fitted
+from uuvsim_cosim.studies.identification.shooting import PRIOR, Shooting
+from uuvsim_cosim.studies.identification.signals import Grid
 
-__all__ = ["LIBRARY", "Proposal", "propose"]
+__all__ = ["LIBRARY", "WEAK", "Proposal", "ambiguities", "improvements", "own_sizes", "propose",
+    "scaled_information"]  # fmt: skip
 
 Array = NDArray[np.float64]
 AXES = ("surge", "sway", "heave", "roll", "pitch", "yaw")
 _SPEED = np.array([0.5, 0.3, 0.3, 0.5, 0.5, 0.6])  # m/s and rad/s that each axis is to reach
 _LENGTH = 40.0  # s
+_WORTH = 0.02  # share of the sum of squares, below which an unknown is not named
+_BESIDE = 0.25  # the same, relative to the share of the best one
+WEAK = 0.25  # relative standard error of a weak direction: ± 50 % at 95 %
+_SHARE, _CORRELATED = 0.3, 0.95
+
+
+def scaled_information(information: Array, theta: Array, fitted: Sequence[Fitted]) -> Array:
+    """Return the information of parameters in units of their own size."""
+    sizes = own_sizes(theta, fitted)
+    scaled: Array = information * np.outer(sizes, sizes)
+    return scaled
+
+
+def own_sizes(theta: Array, fitted: Sequence[Fitted]) -> Array:
+    """Return the size (n_p,) of each parameter at theta."""
+    least = np.array([max(f.size, 0.05 * abs(f.start)) for f in fitted])
+    size = np.maximum(np.abs(theta), least)
+    return np.where(size > 0, size, 1.0)
+
+
+def ambiguities(names: Sequence[str], scaled: Array) -> list[str]:
+    """Return a message for each combination of parameters that the data do not determine.
+
+    A combination is a direction in which all could change, each by its share of its own size,
+    with a standard error above a quarter; two that are correlated by more than 0.95 are named too.
+    """
+    values, directions = np.linalg.eigh(scaled)
+    found = []
+    named: set[frozenset[str]] = set()
+    for value, direction in zip(values, directions.T, strict=True):
+        error = float("inf") if value <= 0 else float(value**-0.5)
+        if error < WEAK:
+            continue
+        size = np.abs(direction) / np.abs(direction).max()
+        group = [n for n, s in zip(names, size, strict=True) if s > _SHARE]
+        named.add(frozenset(group))
+        bound = "" if error > 10.0 else f" better than ± {196 * error:.0f} % (95 %)"
+        if len(group) == 1:
+            found.append(f"the data do not determine {group[0]}{bound}")
+        else:
+            signs = np.sign(direction[[names.index(n) for n in group]])
+            how = "together" if np.all(signs == signs[0]) else "against each other"
+            found.append(
+                f"the data cannot separate {', '.join(group[:-1])} and {group[-1]}: they can "
+                f"change {how}, which the data do not determine{bound}"
+            )
+    try:
+        covariance = np.linalg.inv(scaled + 1e-9 * np.eye(len(names)))
+    except np.linalg.LinAlgError:
+        return found
+    errors = np.sqrt(np.maximum(np.diag(covariance), 1e-300))
+    for i, a in enumerate(names):
+        for j in range(i):
+            r = float(covariance[i, j] / (errors[i] * errors[j]))
+            pair = frozenset((a, names[j]))
+            weak = max(errors[i], errors[j]) > 0.5 * WEAK
+            if abs(r) > _CORRELATED and weak and not any(pair <= g for g in named):
+                found.append(f"{names[j]} and {a} are known together only (correlation {r:.3f})")
+    return found
 
 
 Shape = Callable[[Array], Array]  # times (n,) -> share of each axis' force (n, 6)
@@ -230,3 +298,53 @@ class _Drive:
             root = np.clip(np.sign(row) * np.sqrt(np.abs(row)), -1, 1)
             w[k] = root if k in self.commands else row
         return w, tau
+
+
+def improvements(box: GreyBox, grid: Grid, found: Fit, assumed: Assumptions) -> list[str]:
+    """Return which unknowns would lower the sum of squares of a fit, by a step from its end."""
+    if found.point is None or found.noise is None or grid.inputs is None:
+        return []
+    measured = [MEASURED[j] for j in np.flatnonzero(np.isfinite(grid.y).any(axis=1))]
+    names = {f.name for f in box.fitted}
+    every = Assumptions(unknown=("delay", "current", "bias")).unknowns(measured)
+    more = [f for f in every if f.name not in names]
+    wide = GreyBox(box.plan, box.hull, [*box.fitted, *more], exact=box.tick > 0.0)
+    known = tuple(
+        d + (found.theta[box.delay] if k in box.delayed and box.delay is not None else 0.0)
+        for k, d in enumerate(grid.inputs.delays)
+    )
+    inputs = replace(grid.inputs, delays=known, delayed=wide.delayed)
+    theta = np.concatenate([found.theta, np.zeros(len(more))])
+    if box.delay is not None:
+        theta[box.delay] = 0.0
+    problem = Shooting(wide, replace(grid, inputs=inputs, w=inputs.at()))
+    if len(problem.follows) != len(found.point.starts):
+        return []
+    problem.delay = 0.0
+    point = problem.at(theta, found.point.starts, found.noise)
+    information, gradient = problem.normal_equations(point)
+    n = len(box.fitted)
+    groups: dict[str, list[int]] = {}
+    for k, f in enumerate(more, n):
+        groups.setdefault(f.name.partition("_")[0], []).append(k)
+    inner = information[:n, :n] + PRIOR**2 * np.eye(n)
+    told = []
+    for name, group in groups.items():
+        crossed = information[group, :n]
+        left = information[np.ix_(group, group)] - crossed @ np.linalg.solve(inner, crossed.T)
+        step = -np.linalg.solve(left + PRIOR**2 * np.eye(len(group)), gradient[group])
+        share = float(-step @ gradient[group]) / (2.0 * point.objective)
+        errors = np.sqrt(np.diag(np.linalg.inv(left + PRIOR**2 * np.eye(len(group)))))
+        clear = [i for i, (v, e) in enumerate(zip(step, errors, strict=True)) if abs(v) > 3.0 * e]
+        if share > _WORTH and clear:
+            those = [more[group[i] - n] for i in clear]
+            values = step[clear] * [f.size for f in those]
+            named = ",".join(f.name for f in those) if name == "bias" else name
+            earlier = assumed.inputs == "held" and name == "delay" and step[0] < 0.0
+            option = "--inputs linear or smooth" if earlier else f"--unknown {named}"
+            each = ", ".join(
+                f"{f.name} {v:.2g} {f.unit}" for f, v in zip(those, values, strict=True)
+            )
+            told.append((share, f"{option} lowers the sum of squares by {share:.0%} ({each})"))
+    most = max((share for share, _ in told), default=0.0)
+    return [text for share, text in sorted(told, reverse=True) if share > _BESIDE * most]

@@ -2,7 +2,8 @@
 
 sigma is estimated from the residuals of each signal, in a second and a third pass, and so is their
 correlation if they are autoregressive. A step is shortened until the objective and the gaps between
-windows together become smaller. The covariance is that of the last Gauss-Newton matrix with the
+windows together become smaller. If the steps of integration move a parameter by more than half of
+its standard error, they are halved. The covariance is that of the last Gauss-Newton matrix with the
 states eliminated. If the residuals are not white, it is widened to the sandwich covariance.
 """
 
@@ -37,6 +38,9 @@ _PASSES_COLOURED = 8  # sigma and rho depend on each other
 # passes before the last one, a share of the objective too.
 _DECREASE, _COARSE = 1e-4, 1e-5
 _GAP = 1e-3  # sum of the scaled gaps between windows
+# Steps of integration are halved if they move a parameter by a larger share of its standard error,
+# and then again until they hardly move it.
+_INTEGRATED = (0.5, 0.05, 0.05)
 _SHORTEST = 1e-4  # share of a step below which nothing is gained
 
 
@@ -55,7 +59,9 @@ class Fit:
     converged: bool
     status: str
     widened: Array  # factors of standard errors, because residuals are not white
-    whiteness: tuple[Whiteness, ...] = ()  # of each measured signal
+    whiteness: tuple[Whiteness, ...] = ()  # of each signal with noise
+    point: Point | None = None  # where it ended
+    noise: Noise | None = None  # its weights
 
 
 AWAY = (
@@ -94,6 +100,15 @@ def fit(
                 break
         _descend(p, state, noise, progress, coarse=False)
         noise = _noise(p, state.point, coloured)
+        for limit in _INTEGRATED:
+            point = p.at(state.point.theta, state.point.starts, noise)
+            moved = p.moved_by_integration(point, noise)
+            error = np.sqrt(np.diag(np.linalg.inv(_with_prior(p.information(point)))))
+            if not np.any(np.abs(moved) > limit * error):
+                break
+            p.windows.pieces *= 2
+            _descend(p, state, noise, progress, coarse=False)
+            noise = _noise(p, state.point, coloured)
     except KeyboardInterrupt:
         state.status = "interrupted"
         noise = _noise(p, state.point, coloured)
@@ -101,17 +116,15 @@ def fit(
     information = p.information(point)
     if not np.all(np.isfinite(information)):
         raise InputInvalid(AWAY)
-    inverse = np.linalg.inv(information + PRIOR**2 * np.eye(p.n_p))
+    inverse = np.asarray(np.linalg.inv(_with_prior(information)), dtype=np.float64)
     tested = tuple(
         whiteness(j, values)
         for j, values in enumerate(p.series(p.innovations(point, noise)))
-        if j in p.measured
+        if j in p.measured and noise.sigma[j] > LEAST[j]  # smaller ones are of the solution
     )
     factor = np.ones(p.n_p)
     if residuals != "white" and not all(t.holds for t in tested):
-        meat = sum(long_run_covariance(s) for s in p.scores(point))
-        wide = np.sqrt(np.diag(inverse @ meat @ inverse) / np.diag(inverse))
-        factor = np.maximum(wide, 1.0)
+        factor = _widening(p, point, noise, inverse)
     scaled = np.diag(p.scale * factor)
     size = p.scale * factor
     plain = list(p.series(point.residual))
@@ -119,8 +132,27 @@ def fit(
         point.theta, scaled @ inverse @ scaled, np.array([_rms(r) for r in plain]).clip(LEAST),
         np.array([correlation_of_lag_one(r) for r in plain]), information / np.outer(size, size),
         point.starts[0], int(p.seen.sum()), state.iterations, state.status == "converged",
-        state.status, factor, tested,
+        state.status, factor, tested, point, noise,
     )  # fmt: skip
+
+
+def _widening(p: Shooting, point: Point, noise: Noise, inverse: Array) -> Array:
+    """Return factors (n_p,) of standard errors, because residuals are correlated.
+
+    They are the larger ones of the sandwich covariance, which is too narrow for few independent
+    residuals, and of residuals that are autoregressive, with slow sensitivities.
+    """
+    meat = sum(long_run_covariance(s) for s in p.scores(point))
+    of_scores = np.diag(inverse @ meat @ inverse)
+    rho = np.array([correlation_of_lag_one(r) for r in p.series(p.innovations(point, noise))])
+    slower = p.information(point, np.sqrt((1.0 - rho) / (1.0 + rho)))
+    of_signals = np.diag(np.linalg.inv(_with_prior(slower)))
+    plain = np.diag(inverse)
+    return np.asarray(np.sqrt(np.maximum.reduce([of_scores, of_signals, plain]) / plain))
+
+
+def _with_prior(information: Array) -> Array:
+    return information + PRIOR**2 * np.eye(len(information))
 
 
 def expected_information(problem: Shooting) -> Array:

@@ -15,8 +15,8 @@ from uuvsim_cosim.orchestrator.plan.flatten import flatten
 from uuvsim_cosim.orchestrator.plan.plan import Plan
 from uuvsim_cosim.orchestrator.recording.signals import Signals
 from uuvsim_cosim.orchestrator.system.system import System
-from uuvsim_cosim.studies.identification.ambiguity import WEAK, ambiguities, scaled_information
 from uuvsim_cosim.studies.identification.assumptions import MEASURED, Assumptions
+from uuvsim_cosim.studies.identification.experiment import WEAK, ambiguities, scaled_information
 from uuvsim_cosim.studies.identification.residuals import Whiteness, warning_of
 
 if TYPE_CHECKING:
@@ -164,7 +164,7 @@ def identify(
     >>> number.start, round(number.value)
     (141.0, 200)
     """
-    from uuvsim_cosim.studies.identification.experiment import propose
+    from uuvsim_cosim.studies.identification.experiment import improvements, propose
     from uuvsim_cosim.studies.identification.fit import expected_information, fit
     from uuvsim_cosim.studies.identification.fitted_model import GreyBox
     from uuvsim_cosim.studies.identification.logs import read_log
@@ -201,7 +201,15 @@ def identify(
         f"{n.name} is at its bound: its interval is not reliable" for n in numbers if n.at_bound
     ]
     notes += [*signals.metadata.get("remarks", ())]
+    logged, stated = signals.metadata.get("vehicle"), _vehicle_of(plan, at)
+    if logged and stated and logged != stated:
+        notes.append(f"the log is of {logged}, by its frame, and the fitted hull is {stated}")
     notes += [f"left out: {e}" for e in signals.metadata.get("excluded", ())]
+    if problem.windows.pieces > box.pieces(grid.h):
+        notes.append(
+            f"integrated in steps of {grid.h / problem.windows.pieces:.3g} s, because longer ones "
+            "moved the numbers"
+        )
     if grid.computed:
         notes.append(f"computed from recorded signals: {', '.join(grid.computed)}")
     measured = {n: bool(np.isfinite(y).any()) for n, y in zip(MEASURED, grid.y, strict=True)}
@@ -217,8 +225,8 @@ def identify(
     actuators = []  # the fitted components whose thrust is an input of a wrench
     for i in sorted({i for f in fitted for i, _ in f.places} - {at}):
         part = box.parts[i]
-        own = {n for f in fitted for k, n in f.places if k == i}
-        held = {n: part.start_of(n) for n in part.usual if n not in own}
+        own_names = {n for f in fitted for k, n in f.places if k == i}
+        held = {n: part.start_of(n) for n in part.usual if n not in own_names}
         for t in plan.transfers:
             if t.source == i and t.source_variable.name == t.target_variable.name == "thrust":
                 size = int(np.prod(t.target_variable.shape, dtype=int))
@@ -251,7 +259,12 @@ def identify(
         tuple(notes),
         tuple(assumed.texts),
         found.whiteness,
-        warning_of(found.whiteness, found.widened, assumed.residuals),
+        warning_of(
+            found.whiteness,
+            found.widened,
+            assumed.residuals,
+            lambda: improvements(box, grid, found, assumed),
+        ),
     )
 
 
@@ -323,6 +336,12 @@ def recorded_system(signals: Signals, source: str | Path | None) -> System:
             if component.source == "model:thruster_t200":
                 system = system.replace(path, f"{component.source}?scale=true")
     return system
+
+
+def _vehicle_of(plan: Plan, at: int) -> str:
+    """Return the vehicle that a hull states, without its set; empty if it states none."""
+    stated = plan.components[at].description.made_for.get("hull", "")
+    return str(stated).partition("@")[0].rpartition("/")[2]
 
 
 def _check_thrusters(signals: Signals, plan: Plan) -> None:

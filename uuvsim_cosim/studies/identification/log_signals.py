@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.orchestrator.recording.signals import Signals
-from uuvsim_cosim.studies.identification.ardusub import motors_of
 from uuvsim_cosim.studies.identification.exclusions import exclusions
+from uuvsim_cosim.studies.identification.readers.ardusub import motors_of
 from uuvsim_cosim.studies.identification.vehicle_log import (
     COMMANDS,
     Series,
@@ -87,7 +87,11 @@ def signals_of_log(log: VehicleLog) -> Signals:
             f"has no part to fit: {'; '.join(map(str, excluded))}",
             "armed time under water",
         )
+    sampled = {"tau" if name == "tau" else "u": shifted["commands"].t}
+    if "voltage" in shifted:
+        sampled["voltage"] = shifted["voltage"].t
     metadata: dict[str, object] = {
+        "sampled": sampled,  # at all other times, these are held
         "file": str(log.path), "firmware": log.firmware, "vehicle": vehicle, "frame": frame,
         "remarks": tuple(remarks), "excluded": tuple(excluded), "start": begin,
     }  # fmt: skip

@@ -15,12 +15,12 @@ from uuvsim_cosim.models.declaration.element_names import split_element_name
 from uuvsim_cosim.models.declaration.near_names import expected_names
 from uuvsim_cosim.orchestrator.recording.recording_reader import read_signals
 from uuvsim_cosim.orchestrator.recording.signals import Signals
-from uuvsim_cosim.studies.identification.bag_log import is_bag, read_bag
-from uuvsim_cosim.studies.identification.channels import NONE, Channel, assigned
-from uuvsim_cosim.studies.identification.dataflash_log import read_dataflash
 from uuvsim_cosim.studies.identification.log_signals import signals_of_log
-from uuvsim_cosim.studies.identification.px4_log import read_px4
-from uuvsim_cosim.studies.identification.telemetry_log import read_telemetry
+from uuvsim_cosim.studies.identification.readers.bag_log import is_bag, read_bag
+from uuvsim_cosim.studies.identification.readers.channels import NONE, Channel, assigned
+from uuvsim_cosim.studies.identification.readers.dataflash_log import read_dataflash
+from uuvsim_cosim.studies.identification.readers.px4_log import read_px4
+from uuvsim_cosim.studies.identification.readers.telemetry_log import read_telemetry
 from uuvsim_cosim.studies.identification.vehicle_log import (
     SIZES,
     VehicleLog,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -62,8 +62,16 @@ def whiteness(signal: int, values: Array) -> Whiteness:
     return Whiteness(MEASURED[signal], Q, limit, len(found), largest, at_lag)
 
 
-def warning_of(tested: Sequence[Whiteness], widened: Array, residuals: str) -> str | None:
-    """Return a warning if residuals are not white: the test with its figure, and what to do."""
+def warning_of(
+    tested: Sequence[Whiteness],
+    widened: Array,
+    residuals: str,
+    improvements: Callable[[], Sequence[str]],
+) -> str | None:
+    """Return a warning if residuals are not white: the test with its figure, and what to do.
+
+    `improvements` computes what would lower the sum of squares, and is called only then.
+    """
     failed = sorted((t for t in tested if not t.holds), key=lambda t: t.limit / t.Q)
     if not failed:
         return None
@@ -76,12 +84,17 @@ def warning_of(tested: Sequence[Whiteness], widened: Array, residuals: str) -> s
         else f"standard errors were multiplied by {least} to {most} (sandwich covariance)"
     )
     other = "" if residuals == "ar1" else ", or --residuals ar1"
+    found = improvements()
+    advice = (
+        f"to a first estimate, {'; '.join(found)}"
+        if found
+        else f"try another --inputs, more --parameters{other}"
+    )
     return (
         f"the residuals of {names} are not white: Ljung-Box Q = {worst.Q:.4g} of {worst.signal} "
         f"over {worst.lags} lags, and the limit is {worst.limit:.3g} (correlation "
         f"{worst.largest:.2f} at {worst.lag} {'step' if worst.lag == 1 else 'steps'}); {effect}, "
-        "and the numbers may be biased. Try another --inputs, --unknown delay, bias or current, "
-        f"more --parameters{other}"
+        f"and the numbers may be biased; {advice}"
     )
 
 

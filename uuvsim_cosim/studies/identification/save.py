@@ -1,9 +1,9 @@
-"""Saving of fitted parameters as a named set of the vehicle, with intervals for randomisation.
+"""Saving of fitted parameters as a named set of the vehicle, and as a distribution.
 
 The set of the hull is the declared one with the fitted values instead of its own. Each value states
-its source and its 95 % interval. Both ends of the interval are added to `published.yaml`, which
-`published(...)` draws from. Parameters of thrusters become a set of the same name in
-thrusters.yaml. The comments of all files are kept.
+its source and its 95 % interval. Both ends of the interval and the correlation of the errors are
+added to `published.yaml`, which `published(...)` draws from. Parameters of thrusters become a set
+of the same name in thrusters.yaml. The comments of all files are kept.
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ import shutil
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from datetime import UTC, datetime
+from itertools import combinations
 from pathlib import Path
 from typing import TYPE_CHECKING
 from urllib.parse import parse_qsl
@@ -142,7 +143,14 @@ def save_as(found: Identified, name: str) -> list[Saved]:
                 value, source = quantity.value, quantity.source
             text += row_of(key, Quantity(value, quantity.unit, f"{source} (set {declared.name})"))
         _insert(file, data, text, vehicle_file)
-        _add_published(folder / "published.yaml", str(data["id"]), known, origin, set_name)
+        _add_published(
+            folder / "published.yaml",
+            str(data["id"]),
+            known,
+            _pairs(found, known),
+            origin,
+            set_name,
+        )
         saved.append(Saved(file, f"model:{address}"))
     return saved
 
@@ -275,10 +283,24 @@ def _insert(file: Path, data: CommentedMap, block: str, read: Callable[[str], ob
         ) from None
 
 
+def _pairs(found: Identified, known: Mapping[str, Number]) -> dict[tuple[str, str], float]:
+    """Return the correlation of the errors of each two saved numbers of the hull."""
+    at = {key: found.numbers.index(number) for key, number in known.items()}
+    return {
+        (a, b): float(np.clip(found.correlation[at[a], at[b]], -1.0, 1.0))
+        for a, b in combinations(known, 2)
+    }
+
+
 def _add_published(
-    file: Path, id: str, fitted: Mapping[str, Number], origin: str, set_name: str
+    file: Path,
+    id: str,
+    fitted: Mapping[str, Number],
+    pairs: Mapping[tuple[str, str], float],
+    origin: str,
+    set_name: str,
 ) -> None:
-    """Add both ends of each interval to published.yaml."""
+    """Add both ends of each interval, and the correlations, to published.yaml."""
     if file.is_file():
         have = set(read_yaml(file, "published.schema.json")["parameters"])
         lines = file.read_text(encoding="utf-8").splitlines(keepends=True)
@@ -309,6 +331,19 @@ def _add_published(
             begin = next((k for k, line in enumerate(lines) if line.startswith("parameters:")), 0)
             ends = (k for k, line in enumerate(lines) if k > begin and line[:1].isalpha())
             lines.insert(next(ends, len(lines)), f"  {key}:\n{rows}")
+    if pairs:
+        rows = "".join(
+            f"  - {{between: [{a}, {b}], value: {rho:.15g}, because: "
+            f"{quoted(f'{origin}: errors of one fit')}, set: {set_name}}}\n"
+            for (a, b), rho in pairs.items()
+        )
+        at = next((k for k, line in enumerate(lines) if line.startswith("correlation:")), None)
+        if lines and not lines[-1].endswith("\n"):
+            lines[-1] += "\n"
+        if at is None:
+            lines.append(f"correlation:\n{rows}")
+        else:
+            lines.insert(at + 1, rows)
     with whole_file(file) as scratch:
         scratch.write_text("".join(lines), encoding="utf-8")
         read_yaml(scratch, "published.schema.json")

@@ -36,6 +36,7 @@ _WINDOW = 3.0  # s
 PRIOR = 3e-2  # of theta, over its scale: too weak to matter unless the data hold no information
 _WEAK = 0.1  # weight of a run's first state, where the data do not determine it
 _BETWEEN = 64  # points that separate runs in a series
+_ALONE = 6000  # elements of a matrix that one thread decomposes
 _GROWTH = 1e10  # of the derivatives over the windows of a run, beyond which it is cut
 
 
@@ -155,12 +156,32 @@ class Shooting:
         if factor is not None:
             shape = (len(self.follows), self.m + 1, len(self.measured), self.n_x + self.n_p + 1)
             rows = (rows.reshape(shape) * factor[self.measured, None]).reshape(rows.shape)
-        weak = np.zeros((self.n_x, self.n_x + self.n_p + 1))
-        weak[:, : self.n_x] = _WEAK * np.eye(self.n_x)
         weighted = replace(point, rows=rows)
-        first = self._first_rows(weighted, [weak] * int(np.sum(~self.follows)))
+        first = self._first_rows(weighted, [self._weak()] * int(np.sum(~self.follows)))
         of_theta = [r[self.n_x :, self.n_x : -1] for r in first.values()]
         return np.asarray(sum(r.T @ r for r in of_theta), dtype=float)
+
+    def normal_equations(self, point: Point) -> tuple[Array, Array]:
+        """Return information and gradient of theta (scaled), with all states eliminated."""
+        first = self._first_rows(point, self._prior(point.starts))
+        rows = np.vstack([r[self.n_x :, self.n_x :] for r in first.values()])
+        return rows[:, :-1].T @ rows[:, :-1], rows[:, :-1].T @ rows[:, -1]
+
+    def moved_by_integration(self, point: Point, noise: Noise) -> Array:
+        """Return by how much theta (scaled) would change with steps of half the length."""
+        self.windows.pieces *= 2
+        try:
+            finer = self.at(point.theta, point.starts, noise)
+        finally:
+            self.windows.pieces //= 2
+        rows = point.rows.copy()
+        rows[..., -1] = finer.rows[..., -1] - point.rows[..., -1]
+        change = replace(point, rows=rows, gap=finer.gap - point.gap)
+        first = self._first_rows(change, [self._weak()] * int(np.sum(~self.follows)))
+        of_theta = np.vstack([r[self.n_x :, self.n_x :] for r in first.values()])
+        prior = np.column_stack([PRIOR * np.eye(self.n_p), np.zeros(self.n_p)])
+        R = _triangular(np.vstack([of_theta, prior]))
+        return np.asarray(np.linalg.lstsq(R[:, :-1], -R[:, -1])[0], dtype=np.float64)
 
     def scores(self, point: Point) -> list[Array]:
         """Return, for each run, the scores of theta (scaled) at its points (n, n_p).
@@ -179,9 +200,10 @@ class Shooting:
                 here[:, n_x:] += point.B[i]
             every = total.reshape(-1, n_x + self.n_p)
             weak = np.vstack([every[:, :n_x], _WEAK * np.eye(n_x)])
-            Q, _ = np.linalg.qr(weak)
-            rest = np.vstack([every[:, n_x:], np.zeros((n_x, self.n_p))])
-            rest = (rest - Q @ (Q.T @ rest))[: len(every)]
+            R = _triangular(
+                np.hstack([weak, np.vstack([every[:, n_x:], np.zeros((n_x, self.n_p))])])
+            )
+            rest = every[:, n_x:] - every[:, :n_x] @ np.linalg.solve(R[:n_x, :n_x], R[:n_x, n_x:])
             each = rest * point.rows[a:b, :, -1].reshape(-1, 1)
             shape = (b - a, self.m + 1, -1, self.n_p)
             at = self.m * np.arange(b - a)[:, None] + np.arange(self.m + 1)
@@ -199,7 +221,7 @@ class Shooting:
     def _linearised(self, theta: Array, starts: Array, noise: Noise) -> Point:
         around = theta
         if (place := self.box.delay) is not None:  # inputs are delayed, and dw is what is left
-            if theta[place] != self.delay:
+            if theta[place] != self.delay and self.grid.inputs is not None:
                 self.delay = float(theta[place])
                 self.windows.inputs = self._inputs(self.grid.inputs.at(self.delay))
             around = theta.copy()
@@ -234,6 +256,11 @@ class Shooting:
             theta, starts, residual, rows, derivative[..., : self.n_x],
             derivative[..., self.n_x :], gap, 0.5 * squares,
         )  # fmt: skip
+
+    def _weak(self) -> Array:
+        weak = np.zeros((self.n_x, self.n_x + self.n_p + 1))
+        weak[:, : self.n_x] = _WEAK * np.eye(self.n_x)
+        return weak
 
     def _innovations(self, rows: Array, rho: Array) -> Array:
         """Return differences of successive rows; without a predecessor, rows of less weight."""
@@ -322,7 +349,19 @@ class Shooting:
 
 
 def _triangular(rows: Array) -> Array:
-    """Return fewer rows with the same sum of squares: R of a QR decomposition."""
+    """Return fewer rows with the same sum of squares: R of a QR decomposition.
+
+    Many rows are decomposed in parts: for a larger matrix, libraries of linear algebra start
+    threads, which cost more than they gain.
+    """
+    count, n = rows.shape[-2:]
+    parts = -(-count * n // _ALONE)
+    if parts > 1 and count > 2 * n:
+        each = -(-count // parts)
+        padded = np.zeros((*rows.shape[:-2], parts * each, n))
+        padded[..., :count, :] = rows
+        few = _triangular(padded.reshape(*rows.shape[:-2], parts, each, n))
+        rows = few.reshape(*rows.shape[:-2], -1, n)
     return np.asarray(np.linalg.qr(rows, mode="r"), dtype=np.float64)
 
 

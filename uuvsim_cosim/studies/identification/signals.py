@@ -31,7 +31,7 @@ from uuvsim_cosim.studies.identification.exclusions import kept_spans
 from uuvsim_cosim.studies.identification.fitted_model import Feed, GreyBox, feed_of
 from uuvsim_cosim.studies.identification.inputs import Curve, Inputs
 
-__all__ = ["ANGLES", "Grid", "Lookup", "grid_of"]
+__all__ = ["ANGLES", "MEASURED", "Grid", "Lookup", "grid_of"]
 
 Array = NDArray[np.float64]
 ANGLES = (3, 4, 5)
@@ -55,11 +55,11 @@ class Grid:
     t: Array
     h: float
     w: Array
-    inputs: Inputs
     y: Array
     computed: tuple[str, ...]  # what was computed from recorded signals beforehand
     measured: tuple[str, ...]  # the signals that eta and nu were read from
     runs: tuple[tuple[int, int], ...]  # first and last point of each part that is fitted
+    inputs: Inputs | None = None  # None: w is for one delay alone
 
 
 class Lookup:
@@ -190,9 +190,10 @@ def grid_of(
         raise InputInvalid(eta or nu, f"no number from {t[0]:g} to {t[-1]:g} s", "some")
     inputs = Inputs(grid, tuple(columns), tuple(delays), box.delayed)
     return Grid(
-        grid - grid[0], step, inputs.at(assumed.delay), inputs, y, tuple(supply.computed),
+        grid - grid[0], step, inputs.at(assumed.delay), y, tuple(supply.computed),
         tuple(n for n in (eta, nu) if n),
         _runs(lookup.signals, grid, step),
+        inputs,
     )  # fmt: skip
 
 
@@ -311,6 +312,8 @@ class _Supply:
             sampled = np.asarray(feed.factor * values[:, e] + feed.offset, dtype=float)
             smooth = feed.variable in WATER and self.course == "smooth"  # it has no spline
             course = "linear" if smooth else self.course
+            if course != "held":  # rows that repeat a value are no samples of it
+                sampled = np.where(self._own_rows(name), sampled, np.nan)
             return Curve(self.t, sampled, course)
         if feed.free:  # nothing feeds it: its start value; commands and forces have none
             if feed.variable in ("u", "tau", "thrust", "force"):
@@ -326,6 +329,19 @@ class _Supply:
         if made is None:
             return None
         return made[feed.variable][feed.element].scaled(feed.factor, feed.offset)
+
+    def _own_rows(self, name: str) -> NDArray[np.bool_]:
+        """Return the rows at which a signal was sampled: all, unless the log tells its times.
+
+        A log holds a signal at the times of other messages; ``sampled`` of the metadata has its
+        own times by name.
+        """
+        own = self.lookup.signals.metadata.get("sampled", {}).get(split_element_name(name)[0])
+        if own is None:
+            return np.ones(len(self.t), bool)
+        at = np.round(np.asarray(own, dtype=float), 4)
+        rows = np.isin(np.round(self.t, 4), at)
+        return rows if rows.any() else np.ones(len(self.t), bool)
 
     def _column(self, feed: Feed, name: str, width: int) -> int:
         """Return the column of a signal that a feed is: of many commands, that of the thruster."""

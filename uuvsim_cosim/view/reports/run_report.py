@@ -33,6 +33,7 @@ from uuvsim_cosim.view.reports.page_data import (
 )
 from uuvsim_cosim.view.reports.panels import STYLES, Section, lead_panels, sections, track_of
 from uuvsim_cosim.view.reports.provenance import provenance_html
+from uuvsim_cosim.view.reports.sonar_section import sonar_section
 from uuvsim_cosim.view.reports.survey_map import map_figures, map_section
 from uuvsim_cosim.view.scene3d.motion import motion_of
 from uuvsim_cosim.view.scene3d.scene import Scene3D
@@ -261,6 +262,7 @@ def write_report(folder: str | Path, out: str | Path | None = None, *, page: boo
         scene3d_of_run(folder, traces),
         surveyed,
         again_html(Path(folder), provenance, target.parent / PAGE),
+        sonar_section(Path(folder), traces),
     )
     return written(target, text, make_folder=True)
 
@@ -279,11 +281,13 @@ def report_html(
     scene3d: Scene3D | None = None,
     surveyed: SeabedMap | None = None,
     again: str = "",
+    sonar: str = "",
 ) -> str:
     """Return the report as one HTML page; with `scene3d`, it has a scene in three dimensions.
 
     With the map of a survey, `surveyed`, it shows that as well. `provenance` is the content of
-    run.json; all of its fields are optional. `again` is the section on the page that goes on.
+    run.json; all of its fields are optional. `again` is the section on the page that goes on,
+    `sonar` that of the images of sonars.
     """
     path = waypoints_of(provenance)
     plots = Plots([traces])
@@ -318,6 +322,7 @@ def report_html(
     if scene3d is not None:
         moments = MOMENTS // max(1, len(scene3d.bodies) // 4)
         body.append(scene_html(scene3d, motion_of(scene3d, traces, moments)))
+    body.append(sonar)
     for k, section in enumerate(sections(traces)):
         body.append(plots.section(section, "first" if track is None and k == 0 else ""))
     body.append(provenance_html(provenance, plots.note()))

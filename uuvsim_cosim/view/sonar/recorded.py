@@ -17,7 +17,7 @@ from uuvsim_cosim.orchestrator.recording.signals import Signals
 from uuvsim_cosim.orchestrator.running.library import load
 from uuvsim_cosim.view.sonar.scans import SonarScans
 
-__all__ = ["scans_of_run", "sonars_of"]
+__all__ = ["all_scans", "scans_of_run", "sonars_of"]
 
 
 def sonars_of(plan: Plan) -> dict[str, PlannedComponent]:
@@ -50,6 +50,19 @@ def scans_of_run(run: str | Path, component: str = "") -> SonarScans:
         raise InputInvalid(folder, f"{len(sonars)} sonars", f"--sonar {' or '.join(sonars)}")
     found = sonars[component or next(iter(sonars))]
     return _scans(folder, plan, found, read_signals(folder))
+
+
+def all_scans(run: str | Path) -> list[SonarScans]:
+    """Return the pings of each sonar of a run whose image was recorded; none without system.ssd."""
+    folder = Path(run).expanduser()
+    if not (folder / "system.ssd").is_file():
+        return []
+    plan, signals = flatten(load(folder / "system.ssd"), loops="delay"), read_signals(folder)
+    return [
+        _scans(folder, plan, c, signals)
+        for path, c in sonars_of(plan).items()
+        if f"{path}.magnitude" in signals and np.max(signals[f"{path}.t_sample"], initial=-1) >= 0
+    ]
 
 
 def _scans(folder: Path, plan: Plan, c: PlannedComponent, signals: Signals) -> SonarScans:

@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tests.studies.identification.ardusub_logs import Dataflash, dataflash
+from tests.studies.identification.readers.ardusub_logs import Dataflash, dataflash
 from uuvsim_cosim.errors import InputInvalid
-from uuvsim_cosim.studies.identification import dataflash_reader
-from uuvsim_cosim.studies.identification.dataflash_reader import DataFlash
+from uuvsim_cosim.studies.identification.readers import dataflash_reader
+from uuvsim_cosim.studies.identification.readers.dataflash_reader import DataFlash
 
 
 @pytest.fixture

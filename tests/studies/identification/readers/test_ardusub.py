@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import shutil
 from math import pi
 from pathlib import Path
 from typing import Any
@@ -10,12 +11,20 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tests.studies.identification.ardusub_logs import HEAVY, PWM, ROV, dataflash, parameters, tlog
+from tests.studies.identification.readers.ardusub_logs import (
+    HEAVY,
+    PWM,
+    ROV,
+    dataflash,
+    parameters,
+    tlog,
+)
 from uuvsim_cosim.errors import InputInvalid
-from uuvsim_cosim.studies.identification.channels import read_channels
+from uuvsim_cosim.models.declaration.parameter_files import vehicle_folder
 from uuvsim_cosim.studies.identification.exclusions import Excluded
 from uuvsim_cosim.studies.identification.identify import identify
 from uuvsim_cosim.studies.identification.logs import read_log
+from uuvsim_cosim.studies.identification.readers.channels import read_channels
 
 # u = -d (w - 1500) / 400 with the directions of ROV
 U = [1.0, -1.0, -0.5, -0.5, 0.0, -0.25]
@@ -207,3 +216,16 @@ def test_the_system_of_another_vehicle_is_refused(tmp_path: Path) -> None:
     custom = parameters(7, [1, 1, 1])
     with pytest.raises(InputInvalid, match=r"does not name a vehicle.*frame custom.*--system"):
         identify(dataflash(tmp_path / "2.BIN", custom), None, ["D_q_66"])
+
+
+def test_a_log_of_another_vehicle_with_as_many_thrusters_is_noted(tmp_path: Path) -> None:
+    shutil.copytree(vehicle_folder("bluerov2"), tmp_path / "my_rov")
+    file = tmp_path / "my_rov" / "parameters.yaml"
+    file.write_text(file.read_text().replace("id: bluerov2", "id: my_rov", 1))
+    thrusters = tmp_path / "my_rov" / "thrusters.yaml"
+    thrusters.write_text(thrusters.read_text().replace("vehicle: bluerov2", "vehicle: my_rov", 1))
+    path = dataflash(tmp_path / "1.BIN")
+    found = identify(path, f"model:{tmp_path / 'my_rov'}", ["D_q_66"], proposals=False)
+    assert "the log is of bluerov2, by its frame, and the fitted hull is my_rov" in found.notes
+    own = identify(path, None, ["D_q_66"], proposals=False)
+    assert not any("by its frame, and the fitted hull" in n for n in own.notes)

@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uuvsim_cosim.errors import InputInvalid
-from uuvsim_cosim.studies.identification.channels import NONE, Channel, assigned
-from uuvsim_cosim.studies.identification.dataflash_reader import DataFlash
+from uuvsim_cosim.studies.identification.readers.channels import NONE, Channel, assigned
+from uuvsim_cosim.studies.identification.readers.dataflash_reader import DataFlash
 from uuvsim_cosim.studies.identification.vehicle_log import (
     Series,
     VehicleLog,

@@ -20,8 +20,8 @@ from uuvsim_cosim.bridge.ros2.messages.readings import field_values
 from uuvsim_cosim.bridge.ros2.topic_writer import typestore
 from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.models.declaration.near_names import expected_names
-from uuvsim_cosim.studies.identification.channels import Channel, assigned, in_ned
-from uuvsim_cosim.studies.identification.px4_log import (
+from uuvsim_cosim.studies.identification.readers.channels import Channel, assigned, in_ned
+from uuvsim_cosim.studies.identification.readers.px4_log import (
     check_submarine,
     rotors_of,
     series_of_topics,

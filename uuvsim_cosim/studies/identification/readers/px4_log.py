@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.models.actuators.thruster_geometry import thruster_geometry
 from uuvsim_cosim.models.declaration.near_names import expected_names
-from uuvsim_cosim.studies.identification.channels import Channel, assigned
+from uuvsim_cosim.studies.identification.readers.channels import Channel, assigned
 from uuvsim_cosim.studies.identification.vehicle_log import (
     Series,
     VehicleLog,

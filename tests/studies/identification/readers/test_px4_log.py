@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tests.studies.identification.ulog_files import HEAVY_ROTORS, MOTORS, ulog
+from tests.studies.identification.readers.ulog_files import HEAVY_ROTORS, MOTORS, ulog
 from uuvsim_cosim.bridge.autopilots.px4 import thruster_commands
 from uuvsim_cosim.errors import InputInvalid
-from uuvsim_cosim.studies.identification.channels import read_channels
 from uuvsim_cosim.studies.identification.logs import read_log
+from uuvsim_cosim.studies.identification.readers.channels import read_channels
 
 U = thruster_commands(MOTORS).tolist()
 

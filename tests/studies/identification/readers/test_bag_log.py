@@ -10,8 +10,9 @@ import numpy as np
 import pytest
 from rosbags.rosbag2 import StoragePlugin
 
-from tests.studies.identification.ardusub_logs import PWM, ROV
-from tests.studies.identification.bag_files import (
+import uuvsim_cosim as uuv
+from tests.studies.identification.readers.ardusub_logs import PWM, ROV
+from tests.studies.identification.readers.bag_files import (
     bag,
     commands,
     depth,
@@ -23,11 +24,13 @@ from tests.studies.identification.bag_files import (
     state,
     wrench,
 )
-from tests.studies.identification.ulog_files import HEAVY_ROTORS, MOTORS
+from tests.studies.identification.readers.ulog_files import HEAVY_ROTORS, MOTORS
 from uuvsim_cosim.bridge.autopilots.px4 import thruster_commands
+from uuvsim_cosim.bridge.ros2.bag import write_bag
 from uuvsim_cosim.errors import InputInvalid
-from uuvsim_cosim.studies.identification.channels import read_channels
+from uuvsim_cosim.studies.identification.identify import identify
 from uuvsim_cosim.studies.identification.logs import read_log
+from uuvsim_cosim.studies.identification.readers.channels import read_channels
 
 U = [0.5, -0.5, 0.2, 0.1, 0.0, 0.3]
 
@@ -47,6 +50,20 @@ def test_odometry_and_wrench_become_ned_and_frd(plugin: StoragePlugin, tmp_path:
         assert mean(signals["nu"]) == pytest.approx([1, -0.2, -0.1, 0.01, 0.02, 0.03])
         assert mean(signals["tau"]) == pytest.approx([10, -2, -3, 0.1, -0.2, -0.3])
         assert signals.metadata["excluded"] == ()
+
+
+def test_a_dive_as_a_bag_gives_the_same_fit_as_its_recording(tmp_path: Path) -> None:
+    system = uuv.load("bluerov2_hold").set("hull.eta_0", [0, 0, 5, 0, 0, 0])
+    folder = uuv.run(system, until=4.0, out=tmp_path / "dive", backend="native").folder
+    write_bag(folder, tmp_path / "bag")
+    chosen = read_channels(["tau=/wrench/wrench"])
+    read = read_log(tmp_path / "bag", None, chosen)
+    fits = [
+        identify(signals, of, ["D_q_11", "M_A_11"], step=0.05, proposals=False)
+        for signals, of in ((folder, system), (read, "model:bluerov2_heavy"))
+    ]
+    for one, other in zip(fits[0].numbers, fits[1].numbers, strict=True):
+        assert other.value == pytest.approx(one.value, rel=1e-6)
 
 
 def test_a_gyroscope_is_preferred_for_rates_and_the_choice_is_reported(tmp_path: Path) -> None:
@@ -139,10 +156,19 @@ def test_parts_at_the_surface_are_left_out_by_the_depth_alone(tmp_path: Path) ->
         read_log(bag(tmp_path / "b", odometry(), commands(U), depth(0.1)))
 
 
+def test_a_part_before_the_first_or_behind_the_last_message_is_left_out(tmp_path: Path) -> None:
+    late = odometry(times=range(2 * 10**9, 20 * 10**9, 10**8))
+    excluded = read_log(bag(tmp_path / "b", late, commands(U))).metadata["excluded"]
+    assert [(e.first, pytest.approx(e.last), e.reason) for e in excluded] == [
+        (0.0, 2.0, "no attitude in the log"), (5.9, 19.9, "no commands in the log"),
+    ]  # fmt: skip
+
+
 def test_headers_of_another_clock_are_reported_and_not_used(tmp_path: Path) -> None:
     late = odometry(late=3_000_000_000)
     signals = read_log(bag(tmp_path / "b", late, commands(U)))
-    assert signals.time[np.isfinite(signals["eta"][:, 0])][0] == 0.0
+    seen = signals.time[np.isfinite(signals["eta"][:, 0])]
+    assert (len(seen), seen[0], seen[-1]) == (60, 0.0, 5.9)
     assert any("headers is 3 s from the bag's" in r for r in signals.metadata["remarks"])
 
 

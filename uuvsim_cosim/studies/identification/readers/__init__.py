@@ -1,0 +1,1 @@
+"""Readers of the logs of vehicles, one for each format, and channels that a user assigns."""
