@@ -21,7 +21,6 @@ NUMBER = re.compile(r"(?<![\w.])\d+(?:\.\d+)?(?:e[+-]?\d+)?")
     [
         "slocum_2016",
         pytest.param("seaexplorer_2020", marks=pytest.mark.slow),
-        pytest.param("bluerov2_arm", marks=pytest.mark.slow),
     ],
 )
 def test_the_table_of_a_shipped_recording_is_computed_again(name: str) -> None:

@@ -81,7 +81,8 @@ def _places(y: Array, runs: tuple[tuple[int, int], ...], before: int, r: int) ->
     every = [np.arange(a + before, b + 1) for a, b in runs if b - a >= before]
     at = np.concatenate(every) if every else np.zeros(0, np.int64)
     good = np.logical_and.reduce(np.isfinite(y), axis=0)
-    return at[good[at] & good[at - r] & good[np.maximum(at - 2 * r, 0)]]
+    seen = good[at] & good[at - r] & good[np.maximum(at - 2 * r, 0)]
+    return np.asarray(at[seen], dtype=np.int64)
 
 
 def _means(u: Array, first: NDArray[np.int64], r: int) -> Array:

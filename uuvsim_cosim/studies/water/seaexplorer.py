@@ -30,8 +30,7 @@ def salinity(conductivity: Array, t: Array, p: Array) -> Array:
     root = np.sqrt(np.maximum(ratio / ((1 + above / below) * r_t), 0.0))
     first = np.polyval([2.7081, -7.0261, 14.0941, 25.3851, -0.1692, 0.0080], root)
     second = np.polyval([-0.0144, 0.0636, -0.0375, -0.0066, -0.0056, 0.0005], root)
-    found: Array = first + (t - 15) / (1 + 0.0162 * (t - 15)) * second
-    return found
+    return np.asarray(first + (t - 15) / (1 + 0.0162 * (t - 15)) * second, dtype=np.float64)
 
 
 def density(S: Array, t: Array, p: Array) -> Array:
