@@ -110,6 +110,9 @@ class Master:
     >>> master.make_ahead(10)  # needed only for the components of `without_state`
     >>> master.without_state
     ()
+    >>> master.stop_at([500])  # a communication point also with a variable step
+    >>> master.variable_step is None  # this system has a fixed one
+    True
     >>> master.reset(seed=7, start={"hull": {"eta_0": [0, 0, 3, 0, 0, 0]}})
     >>> float(master.get("hull", "eta")[2])  # depth [m]
     3.0
