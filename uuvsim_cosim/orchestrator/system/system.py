@@ -57,7 +57,8 @@ class System(Structure):
     `start_time` to `stop_time` [s] by default. The methods edit the components (`elements`), the
     `connections`, the `groups` that step together and the `exposed` connectors. `loops` is the
     policy for algebraic loops (see `with_loops`), `mismatches` that for parts of another vehicle
-    (see `with_mismatches`), `base` the folder of relative files of sources,
+    (see `with_mismatches`), `variable_step` a step that follows the coupling (see
+    `with_variable_step`), `base` the folder of relative files of sources,
     and `remarks` are about the file from which the system was read. A path such as ``port.motor``
     leads to the component ``motor`` of the nested system ``port``.
 

@@ -115,6 +115,12 @@ class Caster:
         """Return the number of the obstacle in which each place (n, 3) lies, -1 where in none.
 
         Obstacles are convex: in opposite directions, only a place in one meets it both times.
+
+        Example: in a pile of the shipped canyon, and beside it.
+
+        >>> from uuvsim_cosim.scene import Caster
+        >>> Caster("canyon").inside([[100.0, 200.0, 20.0], [90.0, 200.0, 20.0]])
+        array([ 0, -1], dtype=int32)
         """
         at = _vectors(places, "places")
         down = np.tile([0.0, 0.0, 1.0], (len(at), 1))
