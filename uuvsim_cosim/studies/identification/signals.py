@@ -251,7 +251,8 @@ def _times(signals: Signals, first: float, last: float | None) -> tuple[Array, N
         held = np.maximum.accumulate(np.where(keep, time, -np.inf))
         rising = keep & np.concatenate([[True], held[1:] > held[:-1]])
     if rising.sum() < 2:
-        span = f"{np.nanmin(time):g} to {np.nanmax(time):g} s" if len(time) else "nothing"
+        finite = time[np.isfinite(time)]
+        span = f"{finite.min():g} to {finite.max():g} s" if len(finite) else "no time"
         raise InputInvalid(f"no samples from {first:g} s on; the recording holds {span}")
     place = np.flatnonzero(rising)
     return time[place], place
@@ -314,6 +315,11 @@ class _Supply:
             course = "linear" if smooth else self.course
             if course != "held":  # rows that repeat a value are no samples of it
                 sampled = np.where(self._own_rows(name), sampled, np.nan)
+            if not np.isfinite(sampled).any():
+                element = f"[{e + 1}]" if values.shape[1] > 1 else ""
+                raise InputInvalid(
+                    f"{name}{element}, which drives the vehicle, holds no number", "some"
+                )
             return Curve(self.t, sampled, course)
         if feed.free:  # nothing feeds it: its start value; commands and forces have none
             if feed.variable in ("u", "tau", "thrust", "force"):
