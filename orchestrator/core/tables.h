@@ -104,12 +104,12 @@ typedef struct {
 } in_place;
 
 /* How a member is called in a segment: by its kind, in place, or by two FMI functions. */
-enum { GENERAL = 0, IN_PLACE = 1, FMI2 = 2, FMI3 = 3 };
+enum { GENERAL = 0, IN_PLACE = 1, FMI2 = 2, FMI3 = 3, FMI1 = 4 };
 
 /* Members that follow each other and are called in the same way. */
 typedef struct {
     member *first, *end;
-    uint32_t how;
+    uint32_t how, is_fmi1; /* a segment of FMI 1.0 is one of FMI2 that is marked */
 } segment;
 
 /* The fast path of a member (fast_path.h): its one setter and its one getter. */
