@@ -38,8 +38,8 @@ _VALUES = (_I, (_P, _P, _Z, _P, _Z))
 class Fmu3(FmuBinary):
     """The `Component` protocol over FMI 3.0's functions.
 
-    With `FmuArchive.events`, it uses Event Mode and may return early; the stepping loop in C handles
-    its events.
+    With `FmuArchive.events`, it uses Event Mode and may return early; the stepping loop in C
+    handles its events.
     """
 
     prefix = "fmi3"

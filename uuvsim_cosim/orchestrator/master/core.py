@@ -210,11 +210,11 @@ class Core:
         """Set the inputs of the access with a slot in Event Mode only."""
         self._c.uuv_core_discrete(self._core, member, slot)
 
-    def take_events(self) -> Sequence[Event]:
+    def take_events(self) -> list[Event]:
         """Return the events since the last call, and forget them."""
         events = (Event * self._c.uuv_core_n_events(self._core))()
         self._c.uuv_core_take_events(self._core, events)
-        return events
+        return list(events)
 
     def fault(
         self, number: int, member: int, slot: int, kind: int, value: float, n: int, seed: int

@@ -142,12 +142,10 @@ def _reason(failure: Failure, tables: Tables, component: Component) -> str:
             f"100 rounds {cause}; expected a fixed point"
         )
     if outcome == Outcome.NO_PROGRESS:
-        read = (
-            "more than 100000 events in one step"
-            if failure.status
-            else ("fmi3DoStep returned early without progress")
-        )
-        return f"{read}, at t = {failure.residual:.9g} s; expected time to go on after an event"
+        cause = "fmi3DoStep returned early without progress"
+        if failure.status:
+            cause = "there are more than 100000 events in one step"
+        return f"{cause}, at t = {failure.residual:.9g} s; expected time to go on after an event"
     if outcome == Outcome.NOT_REPEATED:
         other = tables.plan.components[tables.order[failure.slot]].path
         return (

@@ -84,9 +84,9 @@ class Run:
     the algebraic loops that are iterated. `notes` are assumptions, `warnings` are possible
     mistakes; `waypoints` are those of a mission (N, E, D) [m]. `interrupted` is the reason for an
     early end; `punctuality` is that of a run in real time, `variable_step` the lengths of the
-    steps of a run in which they vary (`steps` then counts ticks). `events` are those of a system with
-    events, which events.csv in the folder lists. An attribute that does not apply
-    is None or empty.
+    steps of a run in which they vary (`steps` then counts ticks). `events` are those of a
+    system with events, which events.csv in the folder lists. An attribute that does not apply is
+    None or empty.
 
     Example:
 

@@ -305,8 +305,9 @@ class System(Structure):
     def with_events(self, on: bool = True) -> System:
         """Return the system with events across FMUs, or without them.
 
-        `on`: FMUs of FMI 3.0 for Co-Simulation that have Event Mode use it. Those that are connected
-        to each other exchange their values at the instant of an event, also inside a step.
+        `on`: FMUs of FMI 3.0 for Co-Simulation that have Event Mode use it. Those that are
+        connected to each other exchange their values at the instant of an event, also inside a
+        step.
 
         Example:
 
