@@ -303,6 +303,21 @@ class System(Structure):
         """
         return replace(self, mismatches=policy)
 
+    def with_events(self, on: bool = True) -> System:
+        """Return the system with events across FMUs, or without them.
+
+        `on`: FMUs of FMI 3.0 for Co-Simulation that have Event Mode use it. Those that are
+        connected to each other exchange their values at the instant of an event, also inside a
+        step.
+
+        Example:
+
+        >>> import uuvsim_cosim as uuv
+        >>> uuv.load("bluerov2_hold").with_events().events
+        True
+        """
+        return replace(self, events=on)
+
     def with_variable_step(self, step: VariableStep | str | None) -> System:
         """Return the system with a communication step of variable length; None: a fixed one.
 
