@@ -25,6 +25,7 @@ __all__ = ["signals_of_log"]
 Array = NDArray[np.float64]
 _TURN = 300.0  # between two samples of an angle: a full turn in degrees
 _ROLL, _PITCH = 3.3, 1.65  # rad: more than pi and pi/2 with noise
+_SLOW = 0.05  # s between commands: ArduSub computes them each 2.5 ms
 _STATES = ("armed", "surfaced", "bottomed")
 # Each series' place: signal and columns; later ones replace earlier ones.
 _PLACES = (
@@ -52,6 +53,12 @@ def signals_of_log(log: VehicleLog) -> Signals:
         remarks += motors.remarks
         vehicle, frame = motors.vehicle, motors.frame
         commands = Series(commands.t, motors.commands(commands.values))
+    between = float(np.median(np.diff(commands.t))) if len(commands.t) > 1 else 0.0
+    if between >= _SLOW:
+        remarks.append(
+            f"commands are in the log every {1e3 * between:.0f} ms: if they changed faster, "
+            "numbers, above all added masses, may be wrong by more than their intervals"
+        )
     begin = float(commands.t[0])
     shifted = {n: Series(s.t - begin, s.values) for n, s in log.series.items()}
     shifted["commands"] = Series(commands.t - begin, commands.values)

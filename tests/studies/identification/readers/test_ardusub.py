@@ -52,6 +52,17 @@ def test_motors_may_be_at_any_output(tmp_path: Path) -> None:
     assert mean(signals["u"]) == pytest.approx([0.5, -1.0, -1.0, -0.5, 0.0, -0.25])
 
 
+def test_commands_that_are_logged_slowly_are_named(tmp_path: Path) -> None:
+    path = dataflash(tmp_path / "a.BIN")
+    remarks = " ".join(read_log(path).metadata["remarks"])
+    assert "commands are in the log every 100 ms" in remarks
+    fast = "time,attitude[1],attitude[2],attitude[3],u[1]\n"
+    fast += "".join(f"{0.02 * k:.2f},0,0,0,0.5\n" for k in range(200))
+    (tmp_path / "a.csv").write_text(fast)
+    remarks = " ".join(read_log(tmp_path / "a.csv").metadata["remarks"])
+    assert "commands are in the log" not in remarks
+
+
 def test_eight_thrusters_make_a_heavy(tmp_path: Path) -> None:
     signals = read_log(dataflash(tmp_path / "1.BIN", HEAVY, pwm=(*PWM, 1540, 1460)))
     assert signals.metadata["vehicle"] == "bluerov2_heavy"
