@@ -265,3 +265,11 @@ def test_an_fmu_with_a_fixed_step_is_stepped_without_event_mode(bounce: Bounce) 
     slower = flatten(two(bounce(), bounce(), rate="0.2").with_events())
     assert slower.events == ((0,), (1,))
     assert any("a.hits -> b.hit joins components with unequal" in w for w in slower.warnings)
+
+
+def test_a_discrete_input_that_changes_at_a_communication_point_is_an_event(bounce: Bounce) -> None:
+    """With a longer step than a, b sees the bounce at 0.45 s at its next point, 0.6 s."""
+    system = two(bounce(), bounce(), rate="0.2").set("b.h", 50.0).with_events()
+    state, events = ends(system, 0.8)
+    assert state[3] == pytest.approx(1.0 - 0.8 * G, abs=1e-12)
+    assert [(e.time, e.cause) for e in events if e.component == "b"] == [(0.6, "input")]
