@@ -20,6 +20,7 @@ NUMBER = re.compile(r"(?<![\w.])\d+(?:\.\d+)?(?:e[+-]?\d+)?")
     "name",
     [
         "slocum_2016",
+        pytest.param("bluerov2_arm", marks=pytest.mark.slow),
         pytest.param("seaexplorer_2020", marks=pytest.mark.slow),
     ],
 )

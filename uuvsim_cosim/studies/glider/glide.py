@@ -114,15 +114,18 @@ def steady_glide(glide: Glide, flight: GliderFlight) -> Motion:
     return Motion(V * np.cos(a), -np.sign(flight.pitch) * V * np.sin(a), flight.pitch)
 
 
-def dynamic_glide(glide: Glide, flight: GliderFlight, samples: int = 9) -> Motion:
+def dynamic_glide(
+    glide: Glide, flight: GliderFlight, samples: int = 9, surface: float = AT_SURFACE
+) -> Motion:
     """Return the motion by integration, from 0.3 m/s ahead at the begin of each part.
 
     A part ends at the surface and at a gap of the record. The pitch is the mean over `samples` of
-    them, because its rate is needed. At the surface, the motion is NaN.
+    them, because its rate is needed. At the surface, which is above a depth of `surface` [m], the
+    motion is NaN.
     """
     pitch = smoothed(flight.pitch, samples)
     F = net_weight(glide, flight)
-    parts = _parts(flight)
+    parts = _parts(flight, surface)
     steps = int(max(flight.t[b - 1] - flight.t[a] for a, b in parts) / STEP) + 2
     grid = np.array([flight.t[a] + STEP * np.arange(steps) for a, _ in parts])
     theta, force, density = (np.interp(grid, flight.t, x) for x in (pitch, F, flight.density))
@@ -158,9 +161,9 @@ def dynamic_glide(glide: Glide, flight: GliderFlight, samples: int = 9) -> Motio
     return Motion(u, w, pitch)
 
 
-def _parts(flight: GliderFlight) -> list[tuple[int, int]]:
+def _parts(flight: GliderFlight, surface: float) -> list[tuple[int, int]]:
     """Return first and last sample + 1 of each part below the surface."""
-    below = flight.depth > AT_SURFACE
+    below = flight.depth > surface
     new = np.diff(flight.t, prepend=flight.t[0]) > APART
     parts: list[tuple[int, int]] = []
     begin = -1
@@ -183,6 +186,7 @@ def fit_glide(
     *,
     steady: bool = False,
     samples: int = 11,
+    surface: float = AT_SURFACE,
 ) -> Glide:
     """Return `start` with the named coefficients fitted to the rate of depth at `rows`.
 
@@ -199,7 +203,11 @@ def fit_glide(
         return replace(start, **dict(zip(names, (x * first).tolist(), strict=True)))
 
     def difference(x: Array) -> Array:
-        motion = (steady_glide if steady else dynamic_glide)(glide(x), flight)
+        moved = glide(x)
+        motion = (
+            steady_glide(moved, flight) if steady
+            else dynamic_glide(moved, flight, surface=surface)
+        )  # fmt: skip
         return np.nan_to_num(motion.depth_rate[rows] - measured)
 
     # nabla acts through its difference to m / density, of 1e-3: small relative steps.

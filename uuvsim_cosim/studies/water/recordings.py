@@ -59,6 +59,7 @@ class Recording:
     adapted: Mapping[str, float]  # parameters that drift, with the deviation of their changes
     step: float  # s
     past: float  # s before a prediction, from which its state is estimated
+    surface: float  # m of depth, above which a glider floats at the surface
     fitted: tuple[float, float]  # s
     judged: tuple[float, float]  # s
     nominal: str  # where the nominal parameters were published
@@ -174,6 +175,7 @@ def _read(file: Path) -> Recording:
         adapted={k: float(v) for k, v in data.get("adapted", {}).items()},
         step=float(data["step"]),
         past=float(data.get("past", 3.0)),
+        surface=float(data.get("surface", 0.5)),
         fitted=span("fitted"),
         judged=span("judged"),
         nominal=text("nominal"),
