@@ -35,7 +35,7 @@ def main() -> None:
     caster = Caster(relief)
     made = obstacles(caster)
     bare, full = Scene("bare", relief), Scene("full", relief, made)
-    at, R = poses(caster, made, n, radians(-30))
+    at, R = poses(caster, made, n, radians(30))
     R = R @ AHEAD
     load = os.getloadavg()[0] if hasattr(os, "getloadavg") else float("nan")
     print(f"load {load:.1f}; {n} images a case, {repeats} repeats")

@@ -42,7 +42,7 @@ typedef struct {
 typedef double uuv_colour_ __attribute__((vector_size(32))); /* three channels, and one that is not used */
 typedef uint64_t uuv_colour_bits_ __attribute__((vector_size(32)));
 
-/* exp(-x) for 0 <= x; 0 beyond 700. Relative error below 1e-14. */
+/* exp(-x) for 0 <= x; 0 beyond 700. Relative error below 1e-11. */
 static inline uuv_colour_ uuv_decay_(uuv_colour_ x) {
     union {
         uuv_colour_ x;
@@ -53,10 +53,7 @@ static inline uuv_colour_ uuv_decay_(uuv_colour_ x) {
     u.bits &= kept;
     const uuv_colour_ k = (u.x * -0x1.71547652b82fep0 + 0x1.8p52) - 0x1.8p52;
     const uuv_colour_ r = (-u.x - k * 0x1.62e42fefa38p-1) - k * 0x1.ef35793c7673p-45;
-    uuv_colour_ p = r * (1.0 / 479001600.0) + 1.0 / 39916800.0;
-    p = p * r + 1.0 / 3628800.0;
-    p = p * r + 1.0 / 362880.0;
-    p = p * r + 1.0 / 40320.0;
+    uuv_colour_ p = r * (1.0 / 362880.0) + 1.0 / 40320.0;
     p = p * r + 1.0 / 5040.0;
     p = p * r + 1.0 / 720.0;
     p = p * r + 1.0 / 120.0;
@@ -133,11 +130,13 @@ static inline uuv_colour_ uuv_lamp_veil_(const uuv_camera *cam, const double *la
         const double s = s0 + h * tau, distance = h * uuv_root_(1.0 + tau * tau);
         double along = 0.0; /* from the lamp to the point, on its axis; on the ray */
         for (int k = 0; k < 3; k++) along += (s * d[k] - to[k]) * lamp[3 + k];
+        const double share = uuv_cone_(lamp, along / distance);
+        if (!(share > 0.0)) continue;
         const double cosine = -h * tau / distance; /* of the scattering angle: between lamp's light and -d */
         const double q = 1.0 + g * g - 2.0 * g * cosine;
         const double phase = (1.0 - g * g) / (0x1.921fb54442d18p3 * q * uuv_root_(q));
-        const double weight = cam->points[2 * n + 1] * half * 2.0 / (1.0 + t * t) / h;
-        sum += weight * phase * uuv_cone_(lamp, along / distance) * uuv_decay_(beta * (distance + s));
+        const double weight = cam->points[2 * n + 1] * half * 2.0 / ((1.0 + t * t) * h);
+        sum += weight * phase * share * uuv_decay_(beta * (distance + s));
     }
     return sum * uuv_colour_of_(lamp + 6);
 }

@@ -59,9 +59,9 @@ def image(scene: str, options: dict[str, Any] | None = None, **values: Any) -> d
 def test_c_agrees_with_the_model_in_numpy(hills: str, id: str, noise: bool) -> None:
     options = {"depth": True, "labels": True, "others": 1, "noise": noise, "id": id}
     model = declare("color_camera", scene=hills, **SIZE | options)
-    given = {"eta": ETA, "q": Q, "other_eta_1": [4.0, 0.0, 10.5, 0.1, 0.2, 0.3]}
-    parameters = {"other_size": [[0.4, 0.8]]}
-    found = step(Native(model, "s"), **given, **parameters)
+    given: dict[str, Any] = {"eta": ETA, "q": Q, "other_eta_1": [4.0, 0.0, 10.5, 0.1, 0.2, 0.3]}
+    parameters: dict[str, Any] = {"other_size": [[0.4, 0.8]]}
+    found = step(Native(model, "s"), 40, **given, **parameters)
     wanted = simulate(model, until=0.4, h=0.01, inputs=given, parameters=parameters)
     for v in model.of_kind("output"):
         a, b = np.ravel(found[v.name]).astype(float), np.ravel(wanted[v.name][-1])

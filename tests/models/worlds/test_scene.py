@@ -52,7 +52,8 @@ def test_all_mistakes_of_a_scene_are_said_at_once(tmp_path: Path) -> None:
 
 def test_a_scene_that_is_not_there_is_answered_with_near_names() -> None:
     with pytest.raises(
-        InputInvalid, match=r"no scene 'tacomma'; expected one such as tacoma, tacoma_wreck, or the path"
+        InputInvalid,
+        match=r"no scene 'tacomma'; expected one such as tacoma, tacoma_wreck, or the path",
     ):
         load_scene("tacomma")
 

@@ -75,7 +75,7 @@ class CameraImage:
         """Return the values (n_out,)."""
         light, depth, label = self.radiance(x)
         levels = self.levels(x, light)
-        summary = [levels.mean(), (levels >= 255.0).mean(), np.count_nonzero(label)]
+        summary = np.array([levels.mean(), (levels >= 255.0).mean(), np.count_nonzero(label)])
         planes = [levels.ravel(), summary]
         planes += [depth.ravel()] if self.depth else []
         planes += [label.ravel()] if self.labels else []
@@ -121,7 +121,8 @@ class CameraImage:
                 for lamp in lamps:
                     away = p - lamp[:3]
                     far = max(float(np.linalg.norm(away)), 0.01)
-                    facing = max(0.0, float(-away @ n) / far) * _cone(lamp, away @ lamp[3:6] / far)
+                    cosine = float(away @ lamp[3:6]) / far
+                    facing = max(0.0, float(-away @ n) / far) * _cone(lamp, cosine)
                     E = E + lamp[6:9] * facing / far**2 * np.exp(-beta_D * far)
                 rho = self.seabed if kind == 1 else self.solids[kind - 4]
                 shade = 1.0 + x[34] * self._texture(p, z / (f * max(into, 0.1)))
@@ -190,7 +191,7 @@ def _lamp_veil(lamp: Array, o: Array, d: Array, z: float, beta: Array, g: float)
     """Return the light of a lamp that a metre of scattering water sends along a ray."""
     to = lamp[:3] - o
     s0 = to @ d
-    h = np.sqrt(max(to @ to - s0 * s0, 1e-4))
+    h = np.sqrt(max(float(to @ to - s0 * s0), 1e-4))
     low, high = (np.tan(0.5 * np.arctan((s - s0) / h)) for s in (0.0, z))
     total = np.zeros(3)
     for place, weight in POINTS:
