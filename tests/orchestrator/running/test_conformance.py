@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import json
 import shutil
+import sys
 from collections.abc import Callable
+from dataclasses import replace
+from fractions import Fraction
 from pathlib import Path
 
 import pytest
@@ -23,6 +26,7 @@ from uuvsim_cosim.orchestrator.running.conformance import (
     markdown,
     subjects,
 )
+from uuvsim_cosim.orchestrator.running.conformance_libcosim import beside_libcosim
 from uuvsim_cosim.orchestrator.ssp.ssd import write_ssd
 
 
@@ -135,6 +139,47 @@ def test_a_loop_that_cannot_be_iterated_is_run_with_a_delay_and_reported(
     assert "algebraic loop" in text
 
 
+def osp(folder: Path, fmu: Path, step: float = 0.05) -> Path:
+    """Write a chain of two FMUs; without an algorithm, which libcosim asks for."""
+    folder.mkdir()
+    shutil.copy(fmu, folder / "lag.fmu")
+    ends = ('<Variable simulator="a" name="y"/>', '<Variable simulator="b" name="u"/>')
+    (folder / "OspSystemStructure.xml").write_text(
+        '<OspSystemStructure xmlns="http://opensimulationplatform.com/MSMI/OSPSystemStructure" '
+        f'version="0.1"><BaseStepSize>{step}</BaseStepSize><Simulators>'
+        '<Simulator name="a" source="lag.fmu"><InitialValues><InitialValue variable="u">'
+        '<Real value="1"/></InitialValue></InitialValues></Simulator>'
+        '<Simulator name="b" source="lag.fmu"/></Simulators><Connections>'
+        f"<VariableConnection>{''.join(ends)}</VariableConnection></Connections>"
+        "</OspSystemStructure>"
+    )
+    return folder / "OspSystemStructure.xml"
+
+
+def test_a_system_is_equal_to_libcosim(tmp_path: Path, first_order_fmi2: Path) -> None:
+    osp(tmp_path / "chain", first_order_fmi2)
+    found = conformance(tmp_path, until=1.0, libcosim=sys.executable)
+    system = next(j for j in found if j.subject.kind == "OSP")
+    assert system.result == "equal"
+    assert "libcosim: the same" in system.text
+    assert "in 8 columns, 20 steps" in system.text
+
+
+def test_a_system_that_libcosim_gives_other_values_of_deviates(
+    tmp_path: Path, first_order_fmi2: Path
+) -> None:
+    file = osp(tmp_path / "chain", first_order_fmi2)
+    signals = uuv.run(uuv.load(file), until=1.0, out=tmp_path / "run").signals()
+    outputs = {"b": ["y"]}
+    tick = Fraction(1, 20)
+    assert beside_libcosim(sys.executable, file, tick, signals, outputs)[0] == "equal"
+    wrong = replace(signals, values_by_name={"b.y": signals["b.y"] * 1.001})
+    result, text = beside_libcosim(sys.executable, file, tick, wrong, outputs)
+    assert (result, text.rpartition("; ")[2]) == ("deviates", "the most in b.y")
+    result, text = beside_libcosim("/bin/false", file, tick, signals, outputs)
+    assert (result, text) == ("runs", "libcosim does not run it: no message")
+
+
 def test_an_fmi_1_fmu_has_the_interface_of_its_implementation(tmp_path: Path) -> None:
     for name, inside in (("cs", "<Implementation/>"), ("me", "")):
         text = f'<fmiModelDescription fmiVersion="1.0">{inside}</fmiModelDescription>'
@@ -176,3 +221,4 @@ def test_the_command_writes_the_table_and_fails_if_something_deviates(
     (folder / "x_ref.csv").write_text("time,y\n0,5\n0.1,5\n")
     assert uuvsim("fmu", "conformance", str(folder), "--until", "1")[0] == 1
     assert uuvsim("fmu", "conformance", str(folder), "--until", "0")[0] == 2
+    assert uuvsim("fmu", "conformance", str(folder), "--libcosim", "none")[0] == 2

@@ -293,6 +293,10 @@ def conformance(
     out: Annotated[
         Path | None, typer.Option("--out", "-o", help="File for the table, as Markdown.")
     ] = None,
+    libcosim: Annotated[
+        Path | None,
+        typer.Option(help="Interpreter that has libcosimpy, to compare systems with libcosim."),
+    ] = None,
 ) -> None:
     """Run every FMU and system in a folder: equal to the reference, runs, or refused.
 
@@ -301,6 +305,9 @@ def conformance(
     """
     if not 0 < until < float("inf"):
         raise InputInvalid(f"--until {until:g}", "more than 0 seconds")
+    python = "" if libcosim is None else str(libcosim.absolute())
+    if python and not Path(python).is_file():
+        raise InputInvalid(libcosim, "no such file", "a Python interpreter that has libcosimpy")
     from uuvsim_cosim.orchestrator.running.conformance import Judged, markdown
     from uuvsim_cosim.orchestrator.running.conformance import conformance as run_all
 
@@ -309,7 +316,7 @@ def conformance(
         if answer().mode != "json":
             line(f"{judged.result}: {name}, {judged.subject.kind}: {judged.text}")
 
-    found = run_all(folder, until=until, report=show)
+    found = run_all(folder, until=until, libcosim=python, report=show)
     put("results", [
         {"file": str(j.subject.path), "kind": j.subject.kind, "result": j.result, "text": j.text}
         for j in found

@@ -87,10 +87,12 @@ def conformance(
     *,
     until: float = UNTIL,
     time_limit: float = TIME_LIMIT,
+    libcosim: str = "",
     report: Callable[[Judged], None] = lambda judged: None,
 ) -> list[Judged]:
     """Run all subjects below a `folder`, each for at most `until` s; report each result at once.
 
+    `libcosim` is an interpreter that has libcosimpy; systems are then compared with libcosim.
     Raises InputInvalid if there is none.
     """
     if not folder.is_dir():
@@ -100,20 +102,22 @@ def conformance(
         raise InputInvalid(folder, "nothing to run", f".fmu, .ssp, .ssd or {_OSP} in it")
     found = []
     for subject in every:
-        result, text = _run(subject, until, time_limit)
+        result, text = _run(subject, until, time_limit, libcosim)
         text = text.replace(f"{folder.absolute()}/", "")
         found.append(Judged(subject, result, " ".join(text.split())))
         report(found[-1])
     return found
 
 
-def _run(subject: Subject, until: float, time_limit: float) -> tuple[Result, str]:
+def _run(subject: Subject, until: float, time_limit: float, libcosim: str) -> tuple[Result, str]:
     """Run one subject in a process of its own."""
     with tempfile.TemporaryDirectory() as scratch:
         file = Path(scratch) / "judged.json"
         module = "uuvsim_cosim.orchestrator.running.conformance_run"
         path = str(subject.path.absolute())
-        command = [sys.executable, "-m", module, path, subject.interface, str(until), str(file)]
+        command = [
+            sys.executable, "-m", module, path, subject.interface, str(until), libcosim, str(file),
+        ]  # fmt: skip
         try:
             done = subprocess.run(
                 command, capture_output=True, text=True, errors="replace", timeout=time_limit,

@@ -36,8 +36,11 @@ SOLVER_SHARE = 1e3  # the least range of a column is this times the tolerance of
 DEFAULT_STEP = 0.01  # [s] if the FMU states none
 
 
-def judge(path: Path, interface: str, until: float) -> tuple[str, str]:
-    """Run an FMU or a system; return the result and its detail, also for an error."""
+def judge(path: Path, interface: str, until: float, libcosim: str = "") -> tuple[str, str]:
+    """Run an FMU or a system; return the result and its detail, also for an error.
+
+    `libcosim` is an interpreter that has libcosimpy, for systems.
+    """
     if interface == "ScheduledExecution":
         return (
             "refused",
@@ -46,7 +49,7 @@ def judge(path: Path, interface: str, until: float) -> tuple[str, str]:
     try:
         if path.suffix.lower() == ".fmu":
             return _fmu(read_fmu(path, interface or None), until)
-        return _system(path, until)
+        return _system(path, until, libcosim)
     except UuvsimError as error:
         text = str(error).replace(f"{path.parent}/", "")
         return ("refused" if error.exit_status == 2 else "failed"), text
@@ -219,9 +222,10 @@ def _first_line(error: Exception) -> str:
     return (str(error).strip().splitlines() or [type(error).__name__])[0]
 
 
-def _system(path: Path, until: float) -> tuple[str, str]:
-    """Run a system for at most `until` s."""
+def _system(path: Path, until: float, libcosim: str) -> tuple[str, str]:
+    """Run a system for at most `until` s; compare it with libcosim if that is given."""
     from uuvsim_cosim.orchestrator.plan.flatten import plan_to_inspect
+    from uuvsim_cosim.orchestrator.running.conformance_libcosim import beside_libcosim
     from uuvsim_cosim.orchestrator.running.library import load
     from uuvsim_cosim.orchestrator.running.run import run
 
@@ -231,22 +235,31 @@ def _system(path: Path, until: float) -> tuple[str, str]:
         system = system.with_loops("delay")
         refused = f"with --loops delay, because a run refuses by default: {refused}"
     end = min(system.stop_time or until, system.start_time + until)
+    result, beside = "runs", ""
     with tempfile.TemporaryDirectory() as scratch:
-        run(system, until=end, out=Path(scratch) / "run", progress=False)
+        done = run(system, until=end, out=Path(scratch) / "run", progress=False)
+        if libcosim:
+            outputs = {
+                c.path: [n for v in c.description.of("output") if v.type == "Float64"
+                         for n in v.element_names]
+                for c in plan.components
+            }  # fmt: skip
+            result, beside = beside_libcosim(libcosim, path, plan.tick, done.signals(), outputs)
     notes = len({*plan.warnings, *system.notes})
     more = f", {notes} assumptions and warnings" if notes else ""
     more += f", {refused}" if refused else ""
-    return "runs", f"{len(plan.components)} components, to {end:g} s{more}"
+    text = f"{len(plan.components)} components, to {end:g} s{more}"
+    return result, f"{beside}; {text}" if beside else text
 
 
 def main() -> None:
     """Write the result of one subject into a file, as JSON."""
-    path, interface, until, target = sys.argv[1:]
+    path, interface, until, libcosim, target = sys.argv[1:]
     file, subject = Path(target).resolve(), Path(path).resolve()
     logging.disable(logging.WARNING)
     with tempfile.TemporaryDirectory() as scratch:
         os.chdir(scratch)  # for FMUs that write into the working directory
-        found = judge(subject, interface, float(until))
+        found = judge(subject, interface, float(until), libcosim)
         file.write_text(json.dumps(found), encoding="utf-8")
         os.chdir("/")
 
