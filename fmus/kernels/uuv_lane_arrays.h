@@ -9,7 +9,7 @@
 
 #include "uuv_lane_component.h"
 
-/* Results `first` to `first + count - 1` as rows of float32, one for each environment, clipped. */
+/* Results from `first` on as `count` columns of float32, a row for each environment, clipped. */
 typedef struct {
     int64_t first, count;
     const float *least, *greatest;
@@ -17,18 +17,30 @@ typedef struct {
     int64_t finite; /* whether all are */
 } uuv_rows;
 
-static void write_rows(uuv_rows *r, const double *out, int64_t n, int64_t e, int64_t here) {
-    for (int64_t k = 0; k < r->count; k++)
-        for (int64_t i = e; i < e + here; i++) {
-            float x = (float)out[(r->first + k) * n + i];
-            if (x - x != 0) r->finite = 0;
-            if (x < r->least[k]) x = r->least[k];
-            if (x > r->greatest[k]) x = r->greatest[k];
-            r->rows[i * r->count + k] = x;
-        }
+typedef float uuv_floats __attribute__((vector_size(4 * UUV_W)));
+typedef int32_t uuv_float_mask __attribute__((vector_size(4 * UUV_W)));
+
+static inline void write_rows(uuv_rows *r, const V *results, int64_t e, int64_t here) {
+    float lanes[N_OUT + 1][UUV_W];
+    uuv_float_mask bad = {0};
+    for (int64_t k = 0; k < r->count; k++) {
+        uuv_floats x = __builtin_convertvector(results[r->first + k], uuv_floats);
+        const uuv_floats least = r->least[k] - (uuv_floats){0};
+        const uuv_floats greatest = r->greatest[k] - (uuv_floats){0};
+        bad |= x - x != 0;
+        uuv_float_mask out = x < least;
+        x = (uuv_floats)(((uuv_float_mask)least & out) | ((uuv_float_mask)x & ~out));
+        out = x > greatest;
+        x = (uuv_floats)(((uuv_float_mask)greatest & out) | ((uuv_float_mask)x & ~out));
+        memcpy(lanes[k], &x, sizeof x);
+    }
+    for (int i = 0; i < UUV_W; i++) r->finite &= !bad[i];
+    float *row = r->rows + e * r->count;
+    for (int64_t i = 0; i < here; i++)
+        for (int64_t k = 0; k < r->count; k++) *row++ = lanes[k][i];
 }
 
-/* Result k of environment e goes to out[k * n + e]; rows are written if they are not 0. */
+/* Result k of environment e goes to out[k * n + e], or to `rows`, if they are not 0 and have it. */
 UUV_KERNEL_API void uuv_evaluate(const char *const *in, const int64_t *stride, double *out,
                                  int64_t n, uuv_rows *rows) {
     for (int64_t e = 0; e < n; e += UUV_W) {
@@ -37,6 +49,7 @@ UUV_KERNEL_API void uuv_evaluate(const char *const *in, const int64_t *stride, d
         double lanes[UUV_W];
         for (uint32_t k = 0; k < N_IN; k++) {
             const char *first = in[k] + e * stride[k];
+            __builtin_prefetch(first + 2 * UUV_W * stride[k], 0, 3);
             if (stride[k] == sizeof(double) && here == UUV_W) {
                 b[k] = uuv_load((const double *)(const void *)first);
                 continue;
@@ -46,11 +59,12 @@ UUV_KERNEL_API void uuv_evaluate(const char *const *in, const int64_t *stride, d
             b[k] = uuv_load(lanes);
         }
         evaluate(b, results);
-        for (uint32_t k = 0; k < N_OUT; k++) {
+        const int64_t n_columns = rows ? rows->first : N_OUT;
+        for (int64_t k = 0; k < n_columns; k++) {
             uuv_store(lanes, results[k]);
             memcpy(out + k * n + e, lanes, (size_t)here * sizeof(double));
         }
-        if (rows) write_rows(rows, out, n, e, here);
+        if (rows) write_rows(rows, results, e, here);
     }
 }
 

@@ -112,6 +112,7 @@ UUV_KERNEL_API void uuv_kernel_seed(V *start, const uint64_t *seeds, const uint8
     }
 }
 
+#include "uuv_lane_exchange.h"
 #include "uuv_lane_parts.h"
 
 /* What follows from the parameters of a component, after they were set. */

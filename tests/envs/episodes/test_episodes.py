@@ -95,3 +95,27 @@ def test_an_episode_is_over_after_the_horizon(
 def test_a_moment_before_the_first_reset_is_refused(simulation: TaskSimulation) -> None:
     with pytest.raises(InputInvalid, match=r"expected reset\(\) first"):
         _ = simulation.episodes.moment
+
+
+@pytest.mark.parametrize("n", [1, 3, 20])
+def test_draws_that_are_made_together_have_the_bits_of_each_alone(n: int) -> None:
+    seeds, episodes = np.arange(n, dtype=np.uint64) * 2**40 + 7, np.arange(n) % 4
+    asked: dict[tuple[str, int], int] = {}
+    for _ in range(3):  # the second and third time from one call for all names
+        made = []
+        for draws in (Draws(seeds, episodes), Draws(seeds, episodes, asked=asked)):
+            made.append(
+                [
+                    draws.seeds(),
+                    draws.uniform("a"),
+                    draws.uniform("b", 0, 2, (3,)),
+                    draws.normal("c", (6,)),
+                    draws.uniform("a", shape=(2,)),
+                    draws.uniform("none", shape=(0,)),
+                ]
+            )
+        for alone, together in zip(*made, strict=True):
+            assert (alone.dtype, alone.shape) == (together.dtype, together.shape)
+            assert alone.tobytes() == together.tobytes()
+    assert len(asked) == 5
+    assert draws._drawn.keys() == asked.keys()

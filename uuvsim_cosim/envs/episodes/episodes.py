@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from uuvsim_cosim.envs.episodes.spaces import ActionBox
 from uuvsim_cosim.envs.plants.choice import PlantOptions, plant_of
-from uuvsim_cosim.envs.task.episode_draws import Draws
+from uuvsim_cosim.envs.task.episode_draws import Asked, Draws
 from uuvsim_cosim.envs.task.signals import Instant, Signals, mixed, refuse
 from uuvsim_cosim.envs.task.task import Array, Mask, Task, TeamTask
 from uuvsim_cosim.errors import ComponentFailed, InputInvalid, Problem
@@ -65,6 +65,7 @@ class Episodes:
         self.seeds = np.zeros(n, np.uint64)
         self.episodes = np.zeros(n, np.int64)
         self._start: dict[str, Array] = {}
+        self._asked: Asked = {}
         self._moment: Instant | None = None
         self.any_failed = False  # whether a component of any has failed
         self.seeded = False  # whether seeds and counters are those of a reset
@@ -191,7 +192,7 @@ class Episodes:
         if seeds is not None:
             given = np.array([int(s) % 2**64 for s in seeds], np.uint64)
             counted = np.where(chosen, given, self.seeds), np.where(chosen, 0, self.episodes)
-        draws = Draws(*counted)
+        draws = Draws(*counted, asked=self._asked if self.n > 1 else None)
         if not whole:
             draws = draws.rows(chosen)
         given_by_task = self.task.start(draws)
@@ -268,8 +269,8 @@ def rows_of(variables: Mapping[str, Variable], name: str, value: object, n: int)
         )
     low = -np.inf if variable.min is None else variable.min
     high = np.inf if variable.max is None else variable.max
-    outside = np.argwhere((array < low) | (array > high))
-    if len(outside):
+    if array.size and not (array.min() >= low and array.max() <= high):
+        outside = np.argwhere((array < low) | (array > high))
         first = tuple(outside[0])
         where = f" in environment {first[0]}" if array.shape == shape and n > 1 else ""
         raise InputInvalid(

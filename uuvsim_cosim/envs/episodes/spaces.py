@@ -79,8 +79,7 @@ class ActionBox:
                 f"{wanted} in [-1, 1]",
             )
         clipped = np.array(given.reshape(-1, self.width).T, np.float64, order="C")  # (width, n)
-        np.maximum(clipped, -1.0, out=clipped)
-        np.minimum(clipped, 1.0, out=clipped)
+        clipped.clip(-1.0, 1.0, out=clipped)
         total = np.add.reduce(clipped, axis=None)
         if np.isnan(total):
             row, column = np.argwhere(np.isnan(clipped.T))[0]
@@ -98,7 +97,9 @@ class ActionBox:
 
     def scaled(self, actions: Array) -> Array:
         """Return the values of the inputs, in their units, of shape (width, n)."""
-        return np.asarray(self.middle + self.half * actions.T)
+        values = self.half * actions.T
+        values += self.middle
+        return np.asarray(values)
 
 
 @final

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from uuvsim_cosim.envs.plants.plant import Seeds
 from uuvsim_cosim.errors import ComponentFailed
 from uuvsim_cosim.kernels import Kernel
+from uuvsim_cosim.kernels.batch.exchange import Exchange
 
 __all__ = ["KernelPlant"]
 
@@ -44,8 +45,10 @@ class KernelPlant:
         self._given: dict[str, Array] = {}
         self._kernel = kernel
         self._width = kernel.lanes
-        self._views = [self._batch.view(name) for name in reads]
-        self._inputs = [self._batch.view(name)[:, i] for name, i in acts]
+        self._outputs = Exchange(kernel, n, [self._batch.view(name) for name in reads])
+        inputs = [self._batch.view(name)[:, i : i + 1] for name, i in acts]
+        self._inputs = Exchange(kernel, n, inputs)
+        self._any_failed = True  # or it is not known
         self._one: Array | None = None  # the cells of the only block
         if n <= self._width:
             self._one = self._batch.free_cells[0]
@@ -57,29 +60,18 @@ class KernelPlant:
         if self._one is not None:
             rows = self._one.take(self._out, axis=0)
             return np.asarray(rows[:, : self.n], np.float64)
-        size = sum(view.shape[1] for view in self._views)
-        rows = np.empty((size, -(-self.n // self._width), self._width))
-        at = 0
-        for view in self._views:
-            rows[at : at + view.shape[1]] = view.swapaxes(0, 1)
-            at += view.shape[1]
-        return rows.reshape(size, -1)[:, : self.n]
+        return self._outputs.read()
 
     def scatter(self, values: Array) -> None:
         """Set the inputs that are acted on, of shape (width, n)."""
         if self._one is not None:
             self._one[self._in, : self.n] = values
             return
-        blocks, rest = divmod(self.n, self._width)
-        whole = values[:, : blocks * self._width].reshape(len(values), blocks, self._width)
-        for row, cells in enumerate(self._inputs):
-            cells[:blocks] = whole[row]
-            if rest:
-                cells[blocks, :rest] = values[row, -rest:]
+        self._inputs.write(values)
 
     def step(self, ticks: int) -> None:
         """Make communication steps in all copies."""
-        self._batch.step(ticks, check=False)  # failures do not raise: see `failed`
+        self._any_failed = self._batch.step(ticks, check=False)  # failures do not raise
 
     def reset(
         self, mask: NDArray[np.bool_], seeds: Seeds, start: Mapping[str, NDArray[np.generic]]
@@ -98,13 +90,14 @@ class KernelPlant:
                 rows = np.broadcast_to(value, (self.n, *v.shape))
                 self._given[name] = np.ascontiguousarray(rows)
         values = {name: start.get(name, own) for name, own in self._given.items()}
+        self._any_failed = True
         every = None if mask.all() else mask
         self._batch.reset(every, seeds=np.asarray(seeds, np.uint64), start=values, check=False)
 
     @property
     def failed(self) -> NDArray[np.bool_]:
         """The copies that have failed since their reset."""
-        return self._batch.failed
+        return self._batch.failed if self._any_failed else np.zeros(self.n, bool)
 
     def failure(self, row: int) -> ComponentFailed | None:
         """Return the failure of a copy, or None."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import math
 import struct
+from collections.abc import Sequence
 from functools import lru_cache
 from typing import Any, final
 
@@ -13,11 +14,14 @@ from numpy.typing import ArrayLike, NDArray
 
 from uuvsim_cosim.models.declaration.philox import WORD, philox
 
-__all__ = ["Draws"]
+__all__ = ["Asked", "Draws"]
 
 Array = NDArray[np.float64]
 _AHEAD = 64  # episodes that are drawn at once for an environment alone
 _KEPT = 256
+_TOGETHER = 8192  # blocks that are drawn at once for some of many environments
+# Draws by name and size, or 0 for a seed, and how many blocks of random words each needs.
+Asked = dict[tuple[str, int], int]
 _ahead: dict[tuple[int, str, int], tuple[int, NDArray[Any]]] = {}  # seed, name, size: first, rows
 
 
@@ -38,7 +42,12 @@ class Draws:
     array([3.88280454, 4.29459463, 7.37899309])
     """
 
-    def __init__(self, seeds: ArrayLike, episodes: ArrayLike) -> None:
+    def __init__(
+        self, seeds: ArrayLike, episodes: ArrayLike, *, asked: Asked | None = None
+    ) -> None:
+        """`asked` are draws of earlier episodes, which few episodes make together: it is faster."""
+        self._asked = asked
+        self._drawn: dict[tuple[str, int], NDArray[Any]] = {}
         self._seeds = np.asarray(seeds, dtype=np.uint64)
         self._episodes = np.asarray(episodes, dtype=np.uint64)
 
@@ -65,7 +74,7 @@ class Draws:
         (3, 2)
         """
         chosen = np.asarray(chosen)
-        return Draws(self._seeds[chosen], self._episodes[chosen])
+        return Draws(self._seeds[chosen], self._episodes[chosen], asked=self._asked)
 
     def seeds(self, name: str = "system") -> NDArray[np.uint64]:
         """Return a seed for each episode, of shape (n,).
@@ -79,10 +88,7 @@ class Draws:
         array([12352026036946472830, 11950623533197062401], dtype=uint64)
         """
         kept = self._kept(name, 0)
-        if kept is not None:
-            return kept
-        a, b, _, _ = self._words(name, 1)
-        return (a << np.uint64(32) | b)[:, 0]
+        return self._numbers(self._words([name], [1]), 0) if kept is None else kept
 
     def uniform(
         self, name: str, low: ArrayLike = 0.0, high: ArrayLike = 1.0, shape: tuple[int, ...] = ()
@@ -119,20 +125,31 @@ class Draws:
         return np.asarray(ndtri(self.uniform(name, shape=shape)))
 
     def _unit(self, name: str, size: int) -> Array:
-        kept = self._kept(name, size) if size else None
-        if kept is not None:
-            return kept
-        a, b, c, d = self._words(name, (size + 1) // 2)
+        if not size:
+            return np.zeros((self.n, 0))
+        kept = self._kept(name, size)
+        return self._numbers(self._words([name], [(size + 1) // 2]), size) if kept is None else kept
+
+    def _numbers(self, words: Sequence[NDArray[np.uint64]], size: int) -> NDArray[Any]:
+        """Return the `size` numbers in (0, 1) of each episode, or with size 0 its seed."""
+        a, b, c, d = words
+        if not size:
+            return (a << np.uint64(32) | b)[:, 0]
         pairs = np.stack([a << np.uint64(20) | b >> np.uint64(12),
                           c << np.uint64(20) | d >> np.uint64(12)], axis=-1)  # fmt: skip
         return np.asarray((pairs.reshape(self.n, -1)[:, :size] + 0.5) * 2.0**-52)
 
     def _kept(self, name: str, size: int) -> NDArray[Any] | None:
-        """Return `_unit`, or with size 0 `seeds`, of a single environment from a cache.
+        """Return `_unit`, or with size 0 `seeds`, from a cache; None where nothing is cached.
 
         A single environment asks for one episode after another, so the numbers of several episodes
-        are drawn at once, which costs no more. Returns None where nothing is cached.
+        are drawn at once, which costs no more. A few of many environments draw all names at once.
         """
+        if self._asked is not None:
+            if not self._drawn and self._asked:
+                self._draw(self._asked)
+            self._asked[name, size] = max(1, (size + 1) // 2)
+            return self._drawn.get((name, size))
         if self.n != 1:
             return None
         seed, episode = int(self._seeds[0]), int(self._episodes[0])
@@ -149,11 +166,26 @@ class Draws:
         place = episode - first
         return rows[place : place + 1]
 
-    def _words(self, name: str, blocks: int) -> tuple[NDArray[np.uint64], ...]:
-        block = np.arange(max(blocks, 1), dtype=np.uint64)[None, :]
+    def _draw(self, asked: Asked) -> None:
+        """Draw everything that earlier episodes asked for, unless it is much."""
+        if self.n * sum(asked.values()) > _TOGETHER:
+            return
+        words, at = self._words([name for name, _ in asked], [*asked.values()]), 0
+        for (name, size), blocks in asked.items():
+            own = [w[:, at : at + blocks] for w in words]
+            self._drawn[name, size] = self._numbers(own, size)
+            at += blocks
+
+    def _words(self, names: Sequence[str], blocks: Sequence[int]) -> tuple[NDArray[np.uint64], ...]:
+        """Return the random words of some names, (n, blocks of all), in their order."""
+        block = np.concatenate([np.arange(count, dtype=np.uint64) for count in blocks])[None, :]
         seed, episode = self._seeds[:, None], self._episodes[:, None]
         counter = (seed & WORD, seed >> 32, episode + 0 * block, block + 0 * seed)
-        return philox(counter, _key(name))
+        if len(names) == 1:
+            return philox(counter, _key(names[0]))
+        keys = np.array([_key(name) for name in names], np.uint64)
+        first, second = np.repeat(keys, blocks, axis=0).T
+        return philox(counter, (first, second))
 
 
 @lru_cache(maxsize=4096)

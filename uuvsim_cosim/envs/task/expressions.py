@@ -45,6 +45,8 @@ __all__ = [
 Array = NDArray[np.float64]
 Results = Mapping[str, Any]  # arrays, or mappings of arrays, by name
 Key = tuple[str, str]  # "now", "before", "action", "start" or "step", and a name
+# Arguments of a function that are in one array: their places, and the columns of the array.
+Group = tuple[Key, slice, NDArray[np.int64]]
 METHODS = frozenset({"extra", "info", "observe", "reward", "terminated"})
 # Methods that do not change the results of the methods above.
 OTHERS = frozenset(
@@ -215,6 +217,7 @@ class Evaluated:
         import casadi as ca
 
         self._place = place
+        declared = dict(sorted(declared.items(), key=lambda item: item[0] == "extra"))
         self.keys = tuple(declared)
         self._leaves: list[tuple[tuple[str, ...], int, int, bool]] = []
         columns: list[Any] = []
@@ -223,7 +226,7 @@ class Evaluated:
         self._n_out = results.numel()
         used = {s.name() for s in ca.symvar(results)}
         symbols: list[Any] = []
-        self._sources: list[tuple[Key, slice, NDArray[np.int64]]] = []
+        self._sources: list[Group] = []
         self._n_in = 0
         for key, flat in sorted(made.items()):  # so those of a moment follow each other
             elements = [i for i in range(flat.numel()) if flat[i].name() in used]
@@ -232,7 +235,6 @@ class Evaluated:
                 where = slice(self._n_in, self._n_in + len(elements))
                 self._sources.append((key, where, np.array(elements, np.int64)))
                 self._n_in = where.stop
-        self._outside = [s for s in self._sources if s[0][0] not in ("before", "now")]
         f = ca.Function(
             "evaluate", [ca.vertcat(*symbols) if symbols else ca.SX(0, 1)],
             [ca.densify(results)], {"cse": True, "allow_free": True},
@@ -240,7 +242,9 @@ class Evaluated:
         if f.has_free():
             raise InputInvalid(place, f"free symbols {f.get_free()}", "symbols of m alone")
         self._c = _compiled(f, self._n_in, self._n_out)
-        self._rows: tuple[Signals | None, list[Any]] = (None, [])
+        self._found: tuple[Signals | None, list[Group] | None] = None, None
+        self._layout: tuple[list[Group], list[Any], NDArray[np.int64]]
+        self._layout = [], [], np.empty((2, 0), np.int64)
         self._last: tuple[Moment | None, Results] = (None, {})
         self._wanted = _Rows()  # the whole observation of a task, if it is `extra`
         for path, at, size, _ in self._leaves:
@@ -253,69 +257,97 @@ class Evaluated:
 
     def of(self, m: Moment) -> Results:
         """Return the results at a moment, with the keys of the expressions: (n,) or (n, k)."""
-        last, results = self._last
-        if last is m:
+        results = self._others(m)
+        if not self._wanted.address:
             return results
-        n = m.n
-        table = np.empty((2, self._n_in), np.int64)
-        address, stride = table
-        sources, kept = self._sources, []  # the arrays must live until they were read
-        if isinstance(m, Instant):
-            sources = self._outside
-            for when, where, rows in self._inside(m.signals):
-                values = (m if when == "now" else m.before).values
-                kept.append(values)
-                np.multiply(rows, values.strides[0], out=address[where])
-                address[where] += _address(values)
-                stride[where] = values.strides[1]
-        for key, where, elements in sources:
-            values = self._read(m, key).reshape(n, -1)
-            kept.append(values)
-            address[where] = elements * values.strides[1] + _address(values)
-            stride[where] = values.strides[0]
-        out = np.empty((self._n_out, n))
-        first, wanted = _address(table), self._wanted
-        written = np.empty((n, wanted.count), np.float32)
-        wanted.rows, wanted.finite = _address(written), 1
-        self._c(first, first + table.strides[0], _address(out), n, wanted.address)
-        self._written = written if wanted.address and wanted.finite else None
-        results = self._results(out)
-        self._last = m, results
-        return results
+        return {**results, "extra": self._evaluate(m, _Rows())["extra"]}
+
+    def result(self, key: str, m: Moment) -> Any:
+        """Return the result with one key at a moment, as `of` does."""
+        return (self.of(m) if key == "extra" else self._others(m))[key]
 
     def observations(self, m: Moment) -> NDArray[np.float32] | None:
         """Return the observations at a moment, clipped, (n, width).
 
         None if the task also has `observations`, or if a number is not finite.
         """
-        self.of(m)
+        self._others(m)
         return self._written
 
-    def _inside(self, signals: Signals) -> list[tuple[str, slice, NDArray[np.int64]]]:
-        """Return the places of arguments that are in the values of an instant, and their rows."""
-        known, found = self._rows
-        if signals is not known:
-            found = []
-            for when in ("before", "now"):
-                own = [(k, w, e) for k, w, e in self._sources if k[0] == when]
-                if own:
-                    rows = [signals.rows(resolved(signals.plan, k[1]))[e] for k, _, e in own]
-                    where = slice(own[0][1].start, own[-1][1].stop)
-                    found.append((when, where, np.concatenate(rows).astype(np.int64)))
-            self._rows = signals, found
-        return found
+    def _others(self, m: Moment) -> Results:
+        """Return the results at a moment that are not written as rows."""
+        last, results = self._last
+        if last is not m:
+            wanted = self._wanted
+            written = np.empty((m.n, wanted.count), np.float32)
+            wanted.rows, wanted.finite = _address(written), 1
+            results = self._evaluate(m, wanted)
+            self._written = written if wanted.address and wanted.finite else None
+            self._last = m, results
+        return results
+
+    def _evaluate(self, m: Moment, written: _Rows) -> Results:
+        """Return the results at a moment, except those that are `written` as rows."""
+        table, arrays = self._arguments(m)  # the arrays must live until they were read
+        n = m.n
+        out = np.empty((written.first if written.address else self._n_out, n))
+        first = _address(table)
+        self._c(first, first + table.strides[0], _address(out), n, written.address)
+        del arrays
+        return self._results(out, "extra" if written.address else "")
+
+    def _arguments(self, m: Moment) -> tuple[NDArray[np.int64], list[Array]]:
+        """Return addresses and strides of the arguments at a moment, and the arrays (n, k) there.
+
+        Only the addresses of the arrays change from one moment to the next one.
+        """
+        groups = self._groups(m.signals if isinstance(m, Instant) else None)
+        arrays = [self._read(m, key) for key, _, _ in groups]
+        strides = [array.strides for array in arrays]
+        if self._layout[0] is not groups or self._layout[1] != strides:
+            places = np.empty((2, self._n_in), np.int64)
+            for (_, where, columns), (row, column) in zip(groups, strides, strict=True):
+                places[0, where] = columns * column
+                places[1, where] = row
+            self._layout = groups, strides, places
+        table = self._layout[2].copy()
+        for (_, where, _), array in zip(groups, arrays, strict=True):
+            table[0, where] += _address(array)
+        return table, arrays
+
+    def _groups(self, signals: Signals | None) -> list[Group]:
+        """Return the arguments by array: those in the values of an instant are together."""
+        known, groups = self._found
+        if groups is None or signals is not known:
+            groups = self._sources
+            if signals is not None:
+                groups = [s for s in groups if s[0][0] not in ("before", "now")]
+                for when in ("before", "now"):
+                    own = [s for s in self._sources if s[0][0] == when]
+                    if own:
+                        rows = [signals.rows(resolved(signals.plan, k[1]))[e] for k, _, e in own]
+                        where = slice(own[0][1].start, own[-1][1].stop)
+                        groups.append(((when, ""), where, np.concatenate(rows).astype(np.int64)))
+            self._found = signals, groups
+        return groups
 
     @staticmethod
     def _read(m: Moment, key: Key) -> Array:
+        """Return an array (n, k): with the name "", all values of an instant."""
         kind, name = key
         if kind == "step":
-            return np.asarray(m.step, float)
-        if kind == "action":
-            given = m.action
-            found: Any = given[name]
+            found: Any = m.step
+        elif kind == "action":
+            found = m.action[name]
+        elif kind == "start":
+            found = m.start[name]
         else:
-            found = {"now": m, "before": m.before, "start": m.start}[kind][name]  # type: ignore[index]
-        return np.asarray(found, float)
+            then = m if kind == "now" else m.before
+            if not name:
+                values: Array = then.values.T  # type: ignore[attr-defined]
+                return values
+            found = then[name]
+        return np.asarray(found, float).reshape(m.n, -1)
 
     def _collect(self, path: tuple[str, ...], declared: Any, columns: list[Any]) -> None:
         import casadi as ca
@@ -336,9 +368,11 @@ class Evaluated:
         columns.append(flat)
         self._leaves.append((path, first, flat.numel() if is_row else 0, is_mask))
 
-    def _results(self, out: Array) -> Results:
+    def _results(self, out: Array, without: str) -> Results:
         results: dict[str, Any] = {}
         for path, first, size, is_mask in self._leaves:
+            if path[0] == without:
+                continue
             into = results
             for name in path[:-1]:
                 into = into.setdefault(name, {})
@@ -451,7 +485,7 @@ class Given:
     def __call__(self, method: str, m: Moment) -> Any:
         """Return the result of a method at a moment."""
         if self._evaluated is not None and method in self._declared:
-            return self._evaluated.of(m)[method]
+            return self._evaluated.result(method, m)
         return getattr(self._task, method)(m)
 
     def observations(self, m: Moment) -> NDArray[np.float32] | None:
@@ -468,7 +502,7 @@ def results_of(task: Any, m: Moment, name: str) -> Any:
     overriding `expressions`, has none.
     """
     evaluated = evaluated_of(task) if name in declared_methods(task) else None
-    return None if evaluated is None else evaluated.of(m).get(name)
+    return None if evaluated is None or name not in evaluated.keys else evaluated.result(name, m)
 
 
 def declared_methods(task: Task | TeamTask) -> frozenset[str]:

@@ -173,8 +173,8 @@ class Batch(Closing):
         if check and any(failed):
             self._check()
 
-    def step(self, n: int = 1, *, check: bool = True) -> None:
-        """Make `n` communication steps in all environments.
+    def step(self, n: int = 1, *, check: bool = True) -> bool:
+        """Make `n` communication steps in all environments; return whether any is in `failed`.
 
         Raises ComponentFailed once for environments that fail, after all have made their n steps.
         The values of those in `failed` are not valid until they are reset. Without `check` nothing
@@ -185,7 +185,7 @@ class Batch(Closing):
         c, memory, own, parts = self.kernel.c, self._address, self._sharing.address, self._parts
         if parts is not None:
             if n == 0:
-                return
+                return bool(self.failed.any())
             address, work = parts.address, self._scratch
             failed = any(
                 self._each(
@@ -193,11 +193,12 @@ class Batch(Closing):
                 )
             )
         elif self._threads is None:
-            failed = c.uuv_kernel_step(memory, own, 0, self._n_blocks, n)
+            failed = bool(c.uuv_kernel_step(memory, own, 0, self._n_blocks, n))
         else:
             failed = any(self._each(lambda _, a, b: c.uuv_kernel_step(memory, own, a, b, n)))
         if failed and check:
             self._check()
+        return failed
 
     @property
     def tick(self) -> np.ndarray:

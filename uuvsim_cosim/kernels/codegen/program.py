@@ -115,6 +115,8 @@ class Program:
             "uuv_kernel_reset": (ctypes.c_int32, [pointer, pointer, pointer, pointer, u64, u64]),
             "uuv_kernel_seed": (None, [pointer, pointer, pointer, u64, u64]),
             "uuv_kernel_derive": (None, [pointer, u32, u64, u64]),
+            "uuv_kernel_gather": (None, [pointer, pointer, u64, pointer, u64]),
+            "uuv_kernel_scatter": (None, [pointer, pointer, u64, pointer, u64]),
         }
         self.c = load_library(built["driver"], signatures)
         self._libraries = [ctypes.CDLL(str(built[i])) for i in range(len(texts))]

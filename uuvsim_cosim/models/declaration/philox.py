@@ -19,7 +19,7 @@ __all__ = ["WORD", "normals", "philox"]
 WORD = 0xFFFFFFFF
 
 
-def philox(counter: Sequence[Any], key: Sequence[int]) -> tuple[Any, Any, Any, Any]:
+def philox(counter: Sequence[Any], key: Sequence[Any]) -> tuple[Any, Any, Any, Any]:
     """Return the four random words of a counter of four words and a key of two.
 
     Words are whole numbers, or arrays of uint64 that hold 32 bits each.
