@@ -55,6 +55,9 @@ STIMULI = {
     "backstepping": _LAW,
     "ballast": Stimulus(120.0, {"V_d": 0.0007, "x_d": 0.02}),
     "battery": Stimulus(300.0, {"current": 40.0}),
+    "color_camera": Stimulus(
+        2.0, {"eta[3]": 20.0}, {"eta": [0, 0, 18, 0, 0, 0]}, shown=("mean", "saturated")
+    ),
     "compass": Stimulus(20.0, {"eta[6]": 0.5}),
     "contact": Stimulus(
         1.0, {"eta[3]": 24.9}, {"eta": [0, 0, 24, 0, 0, 0], "nu": [0.5, 0, 0, 0, 0, 0]}

@@ -2,6 +2,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "events.h"
 #include "fast_path.h"
 #include "iterate.h"
 #include "variable_step.h"
@@ -79,6 +80,7 @@ UUV_CORE_API void uuv_core_free(uuv_core *core) {
     }
     free_groups(core);
     free_variable_step(core);
+    free_events(core);
     for (uint64_t i = 0; i < r->capacity; i++) free(r->texts[i].data);
     free(r->texts);
     free(r->runs);

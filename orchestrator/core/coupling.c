@@ -6,7 +6,7 @@
 
 /* Those that see a new value in the same step are not delayed. */
 static int delays(const transfer *t) {
-    return !t->early && !t->pairs && t->source_class == CLASS_FLOAT && t->target_class == CLASS_FLOAT;
+    return (!t->early || t->early == IN_EVENTS) && !t->pairs && t->source_class == CLASS_FLOAT && t->target_class == CLASS_FLOAT;
 }
 
 /* A span whose slots continue those of the one before it, with the same times, becomes part of it. */

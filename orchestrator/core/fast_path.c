@@ -6,10 +6,10 @@
 #include <string.h>
 
 static int has_fast_path(const member *m) {
-    if ((m->kind != &kind_fmi2 && m->kind != &kind_fmi3) || m->sequential || m->group) return 0;
-    if (m->n_sets > 1 || m->n_gets > 1) return 0;
-    if (m->n_sets && m->sets->type != UUV_CORE_FLOAT64) return 0;
-    if (m->n_gets && m->gets->type != UUV_CORE_FLOAT64) return 0;
+    if (m->kind != &kind_fmi1 && m->kind != &kind_fmi2 && m->kind != &kind_fmi3) return 0;
+    if (m->sequential || m->group || m->n_sets > 1 || m->n_gets > 1) return 0;
+    if (m->n_sets && (m->sets->type != UUV_CORE_FLOAT64 || m->sets->negated)) return 0;
+    if (m->n_gets && (m->gets->type != UUV_CORE_FLOAT64 || m->gets->negated)) return 0;
     for (uint32_t i = 0; i < m->n_transfers; i++)
         if (!m->transfers[i].copy || m->transfers[i].early) return 0;
     return 1;
@@ -100,7 +100,7 @@ int find_fast_paths(uuv_core *core) {
             continue;
         }
         if (!has_fast_path(m)) continue;
-        s->how = m->kind == &kind_fmi2 ? FMI2 : FMI3;
+        s->how = m->kind == &kind_fmi1 ? FMI1 : m->kind == &kind_fmi2 ? FMI2 : FMI3;
         if (m->n_sets) {
             s->set = m->sets->function;
             s->set_references = m->sets->references;
@@ -127,8 +127,8 @@ void find_segments(uuv_core *core) {
     for (member *m = core->members; m < core->members + core->n_members; m++) {
         const int plain = m->step_ticks == 1 && m->due == core->tick && !m->n_faults;
         core->n_faulty += m->n_faults != 0;
-        const uint32_t how = plain ? m->fast.how : GENERAL;
-        if (m == core->members || s->how != how) *++s = (segment){m, m, how};
+        const uint32_t own = plain ? m->fast.how : GENERAL, is_fmi1 = own == FMI1, how = is_fmi1 ? FMI2 : own;
+        if (m == core->members || s->how != how || s->is_fmi1 != is_fmi1) *++s = (segment){m, m, how, is_fmi1};
         s->end = m + 1;
     }
     for (uint32_t i = core->n_members; i--;) { /* equal members that wait for none of each other */

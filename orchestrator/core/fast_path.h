@@ -1,6 +1,7 @@
 /* Fast paths of members in no iterated group. A component of this package is read and written in
  * place, in its own block of values. Of another FMU whose connected and recorded values are all
- * Float64, the FMI functions and their arguments lie together. Members that follow each other, step
+ * Float64, the FMI functions and their arguments lie together; those of FMI 1.0 are called as
+ * those of FMI 2.0, except for the type of a Boolean. Members that follow each other, step
  * at each tick and have no fault are a segment, which is stepped without a look at what is due. */
 #ifndef UUV_CORE_FAST_PATH_H
 #define UUV_CORE_FAST_PATH_H
@@ -16,7 +17,7 @@ void find_segments(uuv_core *core);
 void free_values(member *m);
 
 static inline int fast_status(int status, int action, uint32_t slot, uuv_failure *why) {
-    if ((unsigned)status <= 1) return 1; /* OK and Warning, in FMI 2.0 and 3.0 */
+    if ((unsigned)status <= 1) return 1; /* OK and Warning, in FMI 1.0, 2.0 and 3.0 */
     why->slot = slot;
     return failed(why, UUV_CORE_BAD_STATUS, status, action);
 }
@@ -101,6 +102,12 @@ static inline int show_in_place(uuv_core *core, member *m) {
     return 1;
 }
 
+typedef int fmi1_do_step_function(void *, double, double, char);
+
+static inline const char *verb_of(const uint32_t version, const char *fmi1, const char *fmi2, const char *fmi3) {
+    return version == FMI1 ? fmi1 : version == FMI2 ? fmi2 : fmi3;
+}
+
 static inline int fast_do(uuv_core *core, member *m, double t, const uint32_t version) {
     const fast_path *s = &m->fast;
     uuv_slot *const slots = core->slots;
@@ -116,17 +123,19 @@ static inline int fast_do(uuv_core *core, member *m, double t, const uint32_t ve
     }
     int status = 0;
     if (s->n_set) {
-        at->verb = version == FMI2 ? "fmi2SetReal" : "fmi3SetFloat64";
+        at->verb = verb_of(version, "fmiSetReal", "fmi2SetReal", "fmi3SetFloat64");
         const double *values = &slots[s->set_slot].f;
-        if (version == FMI2)
+        if (version != FMI3)
             status = ((fmi2SetRealTYPE *)s->set)(m->instance, s->set_references, s->n_set_references, values);
         else
             status = ((fmi3SetFloat64TYPE *)s->set)(m->instance, s->set_references, s->n_set_references,
                                                     values, s->n_set);
         if (!fast_status(status, UUV_CORE_SET, s->set_slot, &core->why)) return 0;
     }
-    at->verb = version == FMI2 ? "fmi2DoStep" : "fmi3DoStep";
-    if (version == FMI2) {
+    at->verb = verb_of(version, "fmiDoStep", "fmi2DoStep", "fmi3DoStep");
+    if (version == FMI1) {
+        status = ((fmi1_do_step_function *)m->do_step)(m->instance, t, m->h, 1);
+    } else if (version == FMI2) {
         status = ((fmi2DoStepTYPE *)m->do_step)(m->instance, t, m->h, never_goes_back(m));
     } else {
         fmi3Boolean event = fmi3False, end = fmi3False, early = fmi3False;
@@ -146,7 +155,7 @@ static inline int fast_read(uuv_core *core, member *m, const uint32_t version) {
     uuv_slot *const to = core->slots + s->get_slot;
     int status;
     core->frame.component = m->name;
-    if (version == FMI2)
+    if (version != FMI3)
         status = ((fmi2GetRealTYPE *)s->get)(m->instance, s->get_references, s->n_get_references, &to->f);
     else
         status = ((fmi3GetFloat64TYPE *)s->get)(m->instance, s->get_references, s->n_get_references, &to->f, s->n_get);
@@ -162,10 +171,7 @@ static inline int fast_read(uuv_core *core, member *m, const uint32_t version) {
     return 1;
 }
 
-/* The steps of a segment, and what others see of it afterwards; each gives the member that failed,
- * or NULL. */
-static inline member *do_segment(uuv_core *core, const segment *s, double t, const uint32_t how) {
-    core->frame.noun = "";
+static inline member *do_members(uuv_core *core, const segment *s, double t, const uint32_t how) {
     for (member *m = s->first; m < s->end;) {
         if (how == IN_PLACE) {
             const uint32_t left = (uint32_t)(s->end - m), n = m->values.together < left ? m->values.together : left;
@@ -179,9 +185,16 @@ static inline member *do_segment(uuv_core *core, const segment *s, double t, con
     return NULL;
 }
 
+/* The steps of a segment, and what others see of it afterwards; each gives the member that failed,
+ * or NULL. */
+static inline member *do_segment(uuv_core *core, const segment *s, double t, const uint32_t how) {
+    core->frame.noun = "";
+    return how == FMI2 && s->is_fmi1 ? do_members(core, s, t, FMI1) : do_members(core, s, t, how);
+}
+
 static inline member *show_segment(uuv_core *core, const segment *s, const uint32_t how) {
     core->frame.noun = "";
-    core->frame.verb = how == FMI2 ? "fmi2GetReal" : "fmi3GetFloat64";
+    core->frame.verb = how == FMI2 && s->is_fmi1 ? "fmiGetReal" : verb_of(how, "", "fmi2GetReal", "fmi3GetFloat64");
     for (member *m = s->first; m < s->end; m++)
         if (!(how == IN_PLACE ? show_in_place(core, m) : fast_read(core, m, how))) return m;
     return NULL;

@@ -5,6 +5,7 @@
 
 #include "budget.h"
 #include "coupling.h"
+#include "events.h"
 #include "iterate.h"
 #include "record.h"
 #include "fast_path.h"
@@ -96,6 +97,7 @@ static member *collect_steps(uuv_core *core) {
 
 /* Steps a member, or its whole group if that is iterated; gives the one that failed. */
 static int step(uuv_core *core, member **m, double t) {
+    if ((*m)->events) return step_event_group(core, m, t);
     iteration *group = (*m)->group;
     if (!group) return ((*m)->kind->post && !(*m)->sequential ? post_step : step_member)(core, *m, t);
     if (step_group(core, group, t)) return 1;
@@ -162,7 +164,7 @@ UUV_CORE_API int32_t uuv_core_run(uuv_core *core, uint64_t n_ticks, double secon
     const uint64_t last = core->tick + n_ticks;
     member *culprit = NULL;
     budget wall = budget_of(seconds);
-    if (!find_couplings(core)) return stop(core, core->members);
+    if (!find_couplings(core) || !find_event_groups(core)) return stop(core, core->members);
     find_segments(core);
     enter(core);
     while (core->tick < last && !record_is_full(core) && !budget_is_spent(&wall)) {
@@ -179,13 +181,18 @@ UUV_CORE_API int32_t uuv_core_run(uuv_core *core, uint64_t n_ticks, double secon
 static int32_t begin(uuv_core *core, uint64_t tick) {
     core->tick = tick;
     core->record.next = tick;
-    if (!find_fast_paths(core) || !find_couplings(core) || !begin_variable_step(core)) return stop(core, core->members);
+    if (!find_fast_paths(core) || !find_couplings(core) || !begin_variable_step(core) || !find_event_groups(core))
+        return stop(core, core->members);
     clear_couplings(core);
     for (member *m = core->members; m < core->members + core->n_members; m++) {
         m->due = tick;
         if (!read_outputs(core, m)) return stop(core, m);
         if (m->sequential && !make_visible(core, m)) return stop(core, m);
     }
+    member *at = core->members;
+    if (!begin_events(core, &at)) return stop(core, at);
+    for (member *m = core->members; m < core->members + core->n_members; m++)
+        if (m->events && !make_visible(core, m)) return stop(core, m);
     return record_row(core) ? UUV_CORE_GOOD : stop(core, core->members);
 }
 
@@ -198,7 +205,7 @@ UUV_CORE_API int32_t uuv_core_begin(uuv_core *core, uint64_t tick) {
 
 UUV_CORE_API int32_t uuv_core_accept_step(uuv_core *core, uint32_t i) {
     member *m = core->members + i;
-    if (m->group) return 0;
+    if (m->group || m->events) return 0;
     enter(core);
     m->due += m->step_ticks;
     if (m->sequential && read_outputs(core, m)) apply_faults(core, m, core->fresh);

@@ -14,6 +14,7 @@ slot_class class_of(int type);
 typedef struct {
     uint8_t type, class;
     uint8_t consecutive; /* native: the offsets follow each other */
+    uint8_t discrete;    /* inputs that are set in Event Mode only (events.h) */
     uint32_t slot, n_values, n_references;
     uint32_t *references;
     void *function;
@@ -22,6 +23,9 @@ typedef struct {
     uint8_t *negated; /* FMI 1.0: of each value, whether it is a negated alias; NULL: none is */
     uuv_slot *turned; /* what is set where some are */
 } access;
+
+/* `early` of a transfer inside an event group: in Event Mode it takes the new value (events.h). */
+enum { IN_EVENTS = 3 };
 
 /* `count` slots from a member's outputs to another's inputs. */
 typedef struct {
@@ -104,12 +108,12 @@ typedef struct {
 } in_place;
 
 /* How a member is called in a segment: by its kind, in place, or by two FMI functions. */
-enum { GENERAL = 0, IN_PLACE = 1, FMI2 = 2, FMI3 = 3 };
+enum { GENERAL = 0, IN_PLACE = 1, FMI2 = 2, FMI3 = 3, FMI1 = 4 };
 
 /* Members that follow each other and are called in the same way. */
 typedef struct {
     member *first, *end;
-    uint32_t how;
+    uint32_t how, is_fmi1; /* a segment of FMI 1.0 is one of FMI2 that is marked */
 } segment;
 
 /* The fast path of a member (fast_path.h): its one setter and its one getter. */
@@ -137,6 +141,7 @@ struct member { /* what every step reads comes first */
     int follows;  /* its step has the variable length of the system's */
     int stepping; /* its step has been posted, and not been collected */
     struct iteration *group; /* the iterated group that it belongs to, or NULL */
+    struct event_mode *events; /* of a member that uses Event Mode (events.h), or NULL */
     access *sets, *gets;
     fault *faults; /* of its outputs, in the order in which they came */
     void *get_state, *set_state, *free_state; /* see uuv_core_state */
@@ -198,6 +203,12 @@ struct uuv_core {
     segment *segments;
     uint32_t n_segments, n_faulty; /* members with faults */
     int iterating; /* inputs inside an iterated group come from the trial's outputs */
+    struct event_group *event_groups; /* (events.h) */
+    uint32_t n_event_groups;
+    int in_event;     /* an event group is in Event Mode */
+    uuv_slot *before; /* its inputs before the exchange, by slot */
+    uuv_event *noted; /* events that the caller has not taken */
+    uint32_t n_noted, noted_room;
     recording record;
     uuv_failure why;
     uuv_frame frame; /* what is being called, while the core runs */

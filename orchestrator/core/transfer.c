@@ -66,8 +66,9 @@ static int convert(const transfer *t, uuv_slot from, uuv_slot *to) {
 
 int carry(uuv_core *core, const transfer *t) {
     const member *from = &core->members[t->from];
-    const int stepped = t->early == 2 ? core->iterating
-                                      : t->early && from->due == core->tick + from->step_ticks;
+    const int stepped = t->early == 2           ? core->iterating
+                        : t->early == IN_EVENTS ? core->in_event
+                                                : t->early && from->due == core->tick + from->step_ticks;
     const uuv_slot *source = (stepped ? core->fresh : core->slots) + t->source;
     uuv_slot *target = core->slots + t->target;
     if (t->copy && t->source_class != CLASS_BLOB) {

@@ -53,11 +53,18 @@ enum uuv_core_outcome {
     UUV_CORE_NO_MEMORY,
     UUV_CORE_NOT_CONVERGED,    /* an iterated group: `status` iterations leave `residual` at the
                                   input in `slot`; 0: it is no number, and changes each time */
-    UUV_CORE_NOT_RESTORED      /* after its state was restored, the output in `slot` has another value */
+    UUV_CORE_NOT_RESTORED,     /* after its state was restored, the output in `slot` has another value */
+    UUV_CORE_EVENTS_DO_NOT_END, /* the event iteration at the time `residual` [s]; `status` 1: the member
+                                  wants another round, 0: the input in `slot` changes each time */
+    UUV_CORE_NO_PROGRESS,      /* it returned early at the time `residual` [s] where it began; `status` 1:
+                                  there are too many events in one step */
+    UUV_CORE_NOT_REPEATED      /* it returned early at the time `residual` [s], and the member `slot` cannot
+                                  repeat its step */
 };
 
 enum uuv_core_action { UUV_CORE_SET = 1, UUV_CORE_DO_STEP, UUV_CORE_GET, UUV_CORE_GET_STATE,
-                       UUV_CORE_SET_STATE };
+                       UUV_CORE_SET_STATE, UUV_CORE_ENTER_EVENT_MODE,
+                       UUV_CORE_UPDATE_DISCRETE_STATES, UUV_CORE_ENTER_STEP_MODE };
 
 /* Why the loop stopped: which member, doing what, at which communication point. */
 typedef struct {
@@ -198,6 +205,24 @@ UUV_CORE_API int uuv_core_judge(uuv_core *core, uint32_t target, uint32_t source
 /* Two pairs of an input and an output whose products are the power at the bond's two sides. */
 UUV_CORE_API int uuv_core_bond(uuv_core *core, uint32_t input_a, uint32_t output_a, uint32_t input_b,
                                uint32_t output_b);
+/* Events across FMUs of FMI 3.0 (see events.h), after a member's accesses: its event group, from 0 on,
+ * the addresses of fmi3EnterEventMode, fmi3UpdateDiscreteStates and fmi3EnterStepMode, and whether its
+ * state can be restored (`uuv_core_state`). An access with a discrete slot is set in Event Mode only. */
+UUV_CORE_API int uuv_core_event_mode(uuv_core *core, uint32_t member, uint32_t group, void *enter,
+                                     void *update, void *leave, int repeats);
+UUV_CORE_API void uuv_core_discrete(uuv_core *core, uint32_t member, uint32_t slot);
+/* An event of a member: at a communication point plus an offset [s]. `input` 1: a discrete input changed
+ * there; 0: the member reported it. */
+typedef struct {
+    uint64_t tick;
+    double offset;
+    uint32_t member;
+    int32_t input;
+} uuv_event;
+UUV_CORE_API uint32_t uuv_core_n_events(const uuv_core *core);
+/* Copies the events since the last call, and forgets them. */
+UUV_CORE_API void uuv_core_take_events(uuv_core *core, uuv_event *events);
+
 /* No step goes beyond this communication point, until it is reached or set anew. */
 UUV_CORE_API void uuv_core_horizon(uuv_core *core, uint64_t tick);
 UUV_CORE_API void uuv_core_step_counts(const uuv_core *core, uuv_step_counts *counts);

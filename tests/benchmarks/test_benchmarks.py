@@ -19,6 +19,7 @@ SHORT: dict[str, str] = {
     "bridge/bridge_cost": "--windows 1 --seconds 0.2 --steps 200",
     "bridge/bridge_frames": "--seconds 0.2",
     "bridge/client_fmu": "--count 20",
+    "color_camera": "--images 1 --repeats 1",
     "compare_controllers": "--until 6 --controllers pid --cases calm",
     "contact": "",
     "identification/dataflash_index": "",

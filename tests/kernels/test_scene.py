@@ -43,6 +43,7 @@ def system(tmp_path_factory: pytest.TempPathFactory) -> System:
         "altimeter": f"model:altimeter?{scene}",
         "multibeam": f"model:multibeam?{scene}&beams=24",
         "camera": f"model:depth_camera?id=camera_class&{scene}&columns=5&rows=4",
+        "color": f"model:color_camera?{scene}&columns=5&rows=4&depth=true&labels=true",
         "sonar": f"model:imaging_sonar?{scene}&beams=5&bins=20&columns=20&rays=6&range_max=9",
         "side": f"model:side_scan_sonar?{scene}&bins=9&columns=4&rays=6&range_max=9",
         "scan": f"model:scanning_sonar?{scene}&bins=9&columns=4&rays=6&range_max=9&period=0.06",

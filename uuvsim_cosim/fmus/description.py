@@ -108,6 +108,7 @@ class Description:
     can_serialize_state: bool = False
     can_be_instantiated_only_once: bool = False
     can_handle_variable_step: bool = True  # FMI's canHandleVariableCommunicationStepSize
+    has_event_mode: bool = False  # an FMU of FMI 3.0 for Co-Simulation
     provides_directional_derivatives: bool = False
     needs_execution_tool: bool = False
     made_for: Mapping[str, str] = field(default_factory=dict)  # see fmus/pairs.py

@@ -94,7 +94,9 @@ static inline int64_t uuv_floor_(double x) {
     return i - (x < (double)i);
 }
 
-/* The bits of the cell at p of a cubic grid, whose size is the power of 2 at or below `size`. */
+/* The bits of the cell at p of a cubic grid, whose size is the power of 2 at or below `size`. The grid
+ * is shifted by uneven parts of a cell: a flat bottom at a round depth would lie on the border of two
+ * cells, where the rounding of each ray chooses one. */
 static inline uint64_t uuv_scatterer_(const double p[3], double size) {
     union {
         double x;
@@ -103,9 +105,9 @@ static inline uint64_t uuv_scatterer_(const double p[3], double size) {
     const uint64_t e = u.bits >> 52; /* 1 / size: exponent 2046 - e */
     u.bits = (uint64_t)(2046 - e) << 52;
     uint64_t h = e * 0x9e3779b97f4a7c15u;
-    h += (uint64_t)uuv_floor_(p[0] * u.x) * 0xd1342543de82ef95u;
-    h = (h ^ (h >> 29)) + (uint64_t)uuv_floor_(p[1] * u.x) * 0xaf251af3b0f025b5u;
-    h = (h ^ (h >> 31)) + (uint64_t)uuv_floor_(p[2] * u.x) * 0x9fb21c651e98df25u;
+    h += (uint64_t)uuv_floor_(p[0] * u.x + 0.3819660112501052) * 0xd1342543de82ef95u;
+    h = (h ^ (h >> 29)) + (uint64_t)uuv_floor_(p[1] * u.x + 0.2360679774997897) * 0xaf251af3b0f025b5u;
+    h = (h ^ (h >> 31)) + (uint64_t)uuv_floor_(p[2] * u.x + 0.4142135623730951) * 0x9fb21c651e98df25u;
     return uuv_mix_(h);
 }
 

@@ -1,4 +1,5 @@
-/* FMI 3.0 for Co-Simulation, without Event Mode and without early return. */
+/* FMI 3.0 for Co-Simulation, without and with Event Mode and early return. */
+#include "events.h"
 #include "fmi3FunctionTypes.h"
 #include "pack.h"
 #include "fast_path.h"
@@ -28,6 +29,7 @@ static fmi3Status call_get(const member *m, const access *a, void *values) {
 static int fmi3_set(member *m, const uuv_slot *slots, uuv_failure *why) {
     for (uint32_t i = 0; i < m->n_sets; i++) {
         const access *a = &m->sets[i];
+        if (a->discrete && !m->events->inside) continue;
         why->slot = a->slot; /* says which function failed, if one does */
         calling(m, "fmi3Set", type_name(a->type, 3));
         const void *values = pack(a, slots, BOOLEAN_BOOL, why);
@@ -61,3 +63,43 @@ static int fmi3_get(member *m, uuv_slot *slots, uuv_failure *why) {
 }
 
 const kind kind_fmi3 = {fmi3_set, fmi3_do_step, fmi3_get};
+
+/* ---- with Event Mode ---------------------------------------------------------------------- */
+
+static int fmi3_step_to_event(member *m, const uuv_slot *slots, double t, double h, uuv_failure *why) {
+    fmi3Boolean event = fmi3False, terminate = fmi3False, early = fmi3False;
+    fmi3Float64 reached = t + h;
+    (void)slots;
+    calling(m, "fmi3DoStep", "");
+    const fmi3Status status = ((fmi3DoStepTYPE *)m->do_step)(m->instance, t, h, never_goes_back(m),
+                                                             &event, &terminate, &early, &reached);
+    if (!accept(status, UUV_CORE_DO_STEP, why)) return 0;
+    if (terminate) return failed(why, UUV_CORE_ENDED, is_whole(t, h, reached), UUV_CORE_DO_STEP);
+    m->events->needed = event;
+    m->events->early = early;
+    m->events->reached = reached;
+    return 1;
+}
+
+int fmi3_change_mode(member *m, int inside, uuv_failure *why) {
+    calling(m, inside ? "fmi3EnterEventMode" : "fmi3EnterStepMode", "");
+    /* Both functions have one type. */
+    fmi3EnterEventModeTYPE *const change = inside ? m->events->enter : m->events->leave;
+    m->events->inside = inside;
+    return accept(change(m->instance), inside ? UUV_CORE_ENTER_EVENT_MODE : UUV_CORE_ENTER_STEP_MODE, why);
+}
+
+int fmi3_update_discrete_states(member *m, int *again, uuv_failure *why) {
+    fmi3Boolean needed = fmi3False, terminate = fmi3False, nominals = fmi3False, values = fmi3False,
+                defined = fmi3False;
+    fmi3Float64 next = 0.0;
+    calling(m, "fmi3UpdateDiscreteStates", "");
+    const fmi3Status status = ((fmi3UpdateDiscreteStatesTYPE *)m->events->update)(
+        m->instance, &needed, &terminate, &nominals, &values, &defined, &next);
+    if (!accept(status, UUV_CORE_UPDATE_DISCRETE_STATES, why)) return 0;
+    if (terminate) return failed(why, UUV_CORE_ENDED, 0, UUV_CORE_UPDATE_DISCRETE_STATES);
+    *again = needed;
+    return 1;
+}
+
+const kind kind_fmi3_events = {fmi3_set, fmi3_step_to_event, fmi3_get};

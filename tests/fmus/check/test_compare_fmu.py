@@ -14,6 +14,7 @@ from uuvsim_cosim.fmus.export.fmu_file import build_fmu
 from uuvsim_cosim.models.declaration.model import Model
 
 XML = Path(__file__).parents[1] / "foreign" / "first_order_fmi3.xml"
+XML1 = XML.with_name("first_order_fmi1.xml")
 TERMINALS = """<fmiTerminalsAndIcons fmiVersion="3.0"><Terminals>
 <Terminal name="bus" matchingRule="bus" terminalKind="can">
 <TerminalMemberVariable memberName="rx" variableName="binary_in" variableKind="signal"/>
@@ -69,6 +70,38 @@ def test_each_changed_property_is_named_with_both_values(
     back = compare_interfaces(other, one)
     topic, name, key, a, b = found
     assert Difference(topic, name, key, b, a) in back  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "found"),
+    [
+        ('canHandleVariableCommunicationStepSize="true"', "",
+         ("capability", "CoSimulation", "canHandleVariableCommunicationStepSize", "true", "-")),
+        ('name="minus_u" valueReference="0" causality="input" alias="negatedAlias"',
+         'name="minus_u" valueReference="0" causality="input" alias="alias"',
+         ("variable", "minus_u", "sign", "negated alias", "-")),
+    ],
+    ids=["capability", "sign"],
+)  # fmt: skip
+def test_capabilities_and_signs_of_fmi_1_are_compared(
+    tmp_path: Path, old: str, new: str, found: tuple[str, ...]
+) -> None:
+    one = write_archive(tmp_path / "a.fmu", {"modelDescription.xml": XML1.read_bytes()})
+    text = XML1.read_text()
+    assert old in text
+    changed = {"modelDescription.xml": text.replace(old, new).encode()}
+    other = write_archive(tmp_path / "b.fmu", changed)
+    assert compare_interfaces(one, other) == [Difference(*found)]  # type: ignore[arg-type]
+
+
+def test_the_default_of_a_capability_of_fmi_1_is_no_difference(tmp_path: Path) -> None:
+    old = ' canBeInstantiatedOnlyOncePerProcess="false"'
+    text = XML1.read_text()
+    files = [
+        write_archive(tmp_path / f"{i}.fmu", {"modelDescription.xml": each.encode()})
+        for i, each in enumerate((text, text.replace(old, "")))
+    ]
+    assert compare_interfaces(*files) == []
 
 
 def test_equal_descriptions_do_not_differ(tmp_path: Path) -> None:

@@ -155,6 +155,24 @@ def test_parameters_that_are_set_before_the_start_are_those_of_the_system(
     assert stepped(path, 10, act) == of_master(changed, 10)
 
 
+def test_an_fmu_that_loses_its_parameters_in_setup_has_those_of_the_system(
+    c_fmu: Callable[..., Path],
+) -> None:
+    """Some FMUs set their start values in SetupExperiment, so that they are set again after it."""
+
+    def act(x: Any, k: int) -> None:
+        if k == -1:
+            x.set(x.description.variables["a_T"], 0.25)
+
+    def system(habit: str) -> uuv.System:
+        fmu = c_fmu(2, flags=[f"-D{habit}"])
+        return uuv.System("one", tick="0.1").add("a", str(fmu), start={"k": 0.9, "u": 1.0})
+
+    path, _ = build_container_fmu(system("HABITS_OF_20SIM"))
+    expected = of_master(system("NONE").set("a.T", 0.25), 5, names=("a_y",))
+    assert stepped(path, 5, act, names=("a_y",)) == expected
+
+
 def test_a_reset_and_a_second_instance_repeat_the_bits(pair: Callable[..., uuv.System]) -> None:
     path, _ = build_container_fmu(pair("iterated"))
     looks = {look.check: look.result for look in examine(path)}

@@ -9,7 +9,7 @@ from zipfile import ZipFile
 import numpy as np
 import pytest
 
-from uuvsim_cosim.errors import FmuError, SystemInvalid
+from uuvsim_cosim.errors import ComponentFailed, FmuError, SystemInvalid
 from uuvsim_cosim.fmus.component import Component
 from uuvsim_cosim.fmus.instantiation.instantiate import instantiate_fmu
 from uuvsim_cosim.orchestrator.master.master import Master
@@ -72,6 +72,28 @@ def test_the_values_of_its_aliases_have_their_sign_in_the_stepping_loop(
         assert master.get("d", "y") == 0.0  # it is off
         flags = [bool(master.get("d", name)) for name in ("off", "on", "same_spare")]
         assert flags == [True, False, True]
+
+
+@pytest.mark.parametrize(
+    ("fault", "text"),
+    [
+        (1, r"output y is -?nan; expected a finite number"),
+        (2, r"fmiDoStep returned error: .*too hot"),
+        (4, r"fmiDoStep returned discard \(it reached t = 0\.035 s\)"),
+    ],
+)
+def test_a_failure_in_a_chain_of_numbers_names_function_and_time(
+    c_fmu: CFmu, wired: Any, fault: int, text: str
+) -> None:
+    """Beside an FMU of FMI 2.0, which the loop steps with functions of the same arguments."""
+    makers = {
+        name: lambda path: instantiate_fmu(c_fmu(2 if path == "c" else 1), path) for name in "abc"
+    }
+    start = {"b": {"fault": fault, "fault_time": 0.03}}
+    with Master(*wired(makers, ["a.y -> b.u", "b.y -> c.u"], start=start)) as master:
+        master.initialize()
+        with pytest.raises(ComponentFailed, match=f"'b' failed at t = 0.0[34]5? s: .*{text}"):
+            master.step(10)
 
 
 def test_connected_inputs_are_there_when_it_initializes(c_fmu: CFmu, tmp_path: Path) -> None:

@@ -339,7 +339,10 @@ def test_power_bonds_make_the_steps_that_the_formula_of_ecco_asks_for(oscillator
         if len(theirs) > 1:
             if before and error:
                 change = 0.9 * error**-0.35 * before**0.2
+                same = length
                 length = min(max(int(min(max(change, 0.2), 1.5) * length), 100), 50_000)
+                if change > 1.0 and length == same:  # a step of few ticks grows by one
+                    length += 1
             before = error
         to_a, to_b = y_b, y_a
     for component in (a, b):

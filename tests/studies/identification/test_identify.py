@@ -284,8 +284,16 @@ def test_what_lacks_or_is_not_there_is_named_with_near_names() -> None:
     with pytest.raises(InputInvalid, match=r"expected 20 to"):
         identify(data, "model:bluerov2", ["m"], first=5.0)
     empty = Signals(data.time, data.ticks, {**data.values_by_name, "tau": data["tau"] * np.nan}, {})
-    with pytest.raises(InputInvalid, match=r"holds no number"):
+    with pytest.raises(InputInvalid, match=r"tau\[1\], which drives .* holds no number"):
         identify(empty, "model:bluerov2", ["m"])
+
+
+@pytest.mark.filterwarnings("ignore::RuntimeWarning")
+def test_speeds_that_no_trajectory_follows_are_refused() -> None:
+    data = recorded(until=9.0)
+    turned = {**data.values_by_name, "nu": data["nu"] * ([100.0] * 3 + [1.0] * 3)}  # cm/s
+    with pytest.raises(InputInvalid, match="the fit diverged"):
+        identify(Signals(data.time, data.ticks, turned, {}), "model:bluerov2", ["D_q_11", "M_A_11"])
 
 
 def test_angles_or_rates_in_degrees_are_refused() -> None:

@@ -133,3 +133,51 @@ def test_signals_in_a_csv_have_one_clock_too(tmp_path: Path) -> None:
     path.write_text("time,nu[1]\n" + rows(60, "1") + "1700000000,1\n")
     with pytest.raises(InputInvalid, match=r"jumps ahead by 1.7e\+09 s at 5.900 s"):
         read_log(path)
+
+
+def test_units_of_a_csv_are_those_of_its_quantities_or_refused(tmp_path: Path) -> None:
+    path = tmp_path / "a.csv"
+    for name, unit, value, expected in (
+        ("nu[1]", "cm/s", 100, 1.0), ("nu[6]", "[deg/s]", 180, pi), ("eta[4]", "degrees", 180, pi),
+        ("eta[3]", "ft", 10, 3.048), ("tau[1]", "kN", 2, 2e3), ("tau[4]", "Nm", 2, 2.0),
+    ):  # fmt: skip
+        path.write_text(f"time,{name}\nmsec,{unit}\n0,{value}\n100,{value}\n")
+        signals = read_log(path)
+        assert signals.time.tolist() == pytest.approx([0.0, 0.1])
+        found = signals[name[:-3]][0]
+        assert found[int(name[-2]) - 1] == pytest.approx(expected)
+    for name, unit, message in (
+        ("nu[1]", "furlong/h", r"a.csv:2: nu\[1\]: unit 'furlong/h' is unknown; .* a unit of m/s"),
+        ("nu[6]", "m/s", r"nu\[6\]: unit 'm/s'; expected a unit of rad/s"),
+        ("depth", "deg", "depth: unit 'deg'; expected a unit of m"),
+        ("speed", "PSU", "speed: unit 'PSU' is unknown; expected a unit such as"),
+    ):
+        path.write_text(f"time,{name}\ns,{unit}\n0,1\n1,1\n")
+        with pytest.raises(InputInvalid, match=message):
+            read_log(path)
+
+
+def test_a_column_is_not_converted_twice(tmp_path: Path) -> None:
+    path = tmp_path / "a.csv"
+    path.write_text("time,roll,pitch,yaw,u[1]\ns,deg,deg,deg,\n" + rows(60, "0,10,90,0.5"))
+    signals = read_log(path, None, read_channels(["attitude=roll,pitch,yaw"]))
+    assert signals["eta"][0, 3:].tolist() == pytest.approx([0, pi / 18, pi / 2])
+    channels = read_channels(["attitude=roll,pitch,yaw?unit=deg"])
+    with pytest.raises(InputInvalid, match="line of units has deg for roll"):
+        read_log(path, None, channels)
+
+
+def test_forces_are_not_held_over_a_gap_in_a_csv(tmp_path: Path) -> None:
+    path = tmp_path / "a.csv"
+    lines = [f"{k / 10},1,{'' if 20 < k < 50 else 3}\n" for k in range(90)]
+    path.write_text("time,hull.nu[1],hull.tau[1]\n" + "".join(lines))
+    (gap,) = read_log(path).metadata["excluded"]
+    assert str(gap) == "2.0 to 5.0 s: no number of hull.tau"
+
+
+def test_elements_of_a_force_that_no_column_has_are_0_and_reported(tmp_path: Path) -> None:
+    path = tmp_path / "a.csv"
+    path.write_text("time,nu[1],tau[1],tau[2],tau[6]\n" + rows(9, "1,2,3,4"))
+    signals = read_log(path)
+    assert signals["tau"][0].tolist() == [2, 3, 0, 0, 0, 4]
+    assert signals.metadata["remarks"] == ("not in the file, and 0: tau[3], tau[4], tau[5]",)

@@ -83,6 +83,14 @@ def test_excluded_parts_are_replayed_and_marked(tmp_path: Path) -> None:
     assert used[signals.time > 5.01].max() == 0.0
 
 
+def test_after_the_end_of_the_recording_nothing_is_used(dive: Path, tmp_path: Path) -> None:
+    signals = replayed(f"log:{dive}", tmp_path / "r", until=5.0)
+    used = signals["hull.used"]
+    assert used[signals.time < 3.99].min() == 1.0
+    assert used[signals.time > 4.01].max() == 0.0
+    assert "after them, the last sample holds, and used is 0" in " ".join(remarks_of(f"log:{dive}"))
+
+
 def test_components_that_are_made_for_another_vehicle_are_refused(tmp_path: Path) -> None:
     path = dataflash(tmp_path / "1.BIN", ROV)
     system = uuv.load("bluerov2_hold").replace("hull", f"log:{path}")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +14,7 @@ from uuvsim_cosim.envs.randomisation.published import published
 from uuvsim_cosim.envs.randomisation.randomisation import Randomisation
 from uuvsim_cosim.envs.task.episode_draws import Draws
 from uuvsim_cosim.envs.tasks.station_keeping import StationKeeping
+from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.orchestrator.system.system import System
 from uuvsim_cosim.studies.identification.identify import Identified, Number
 from uuvsim_cosim.studies.identification.save import save_as
@@ -50,6 +52,26 @@ def saved(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[[str], st
 def table(drawn: Randomisation, names: list[str], count: int = 4000) -> np.ndarray:
     start = drawn.draw(Draws(seeds=list(range(count)), episodes=[0] * count))
     return np.stack([start[f"hull.{n}"] for n in names])
+
+
+@pytest.mark.parametrize("name", ["true", "null", "Fit", "1"])
+def test_a_name_that_a_file_would_read_as_no_text_is_refused_before_anything_is_copied(
+    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(InputInvalid, match="expected lower case letters"):
+        save_as(fit_of("model:bluerov2_heavy@wu_2018"), f"my_rov@{name}")
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_set_states_that_its_fit_did_not_converge(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    found = fit_of("model:bluerov2_heavy@wu_2018")
+    save_as(replace(found, converged=False, status="interrupted"), "my_rov@my_fit")
+    text = (tmp_path / "my_rov" / "parameters.yaml").read_text(encoding="utf-8")
+    assert "not converged after 3 iterations: interrupted" in text
 
 
 def test_draws_of_an_identified_set_have_the_covariance_of_its_errors(

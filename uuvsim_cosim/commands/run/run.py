@@ -26,6 +26,7 @@ from uuvsim_cosim.commands.shared.system_options import (
     SET,
     ArdusubBinary,
     ArmReal,
+    Events,
     Force,
     Loops,
     Maps,
@@ -132,6 +133,7 @@ def run_command(
     ] = None,
     loops: Loops = None,
     variable_step: VariableSteps = None,
+    events: Events = False,
     trace_fmi: Annotated[
         Path | None, typer.Option(help="CSV to write: every FMI call of every FMU; slow.")
     ] = None,
@@ -181,7 +183,7 @@ def run_command(
             "--rate": rate, "--vehicle": vehicle, "--force": force, "--ardusub": ardusub,
             "--px4": px4, "--real-time": real_time,
             "--scenario": scenario, "--view": view, "--loops": loops,
-            "--variable-step": variable_step, "--arm-real": arm_real,
+            "--variable-step": variable_step, "--events": events, "--arm-real": arm_real,
             "--unsigned": unsigned,
         }  # fmt: skip
         for option, given in refused.items():
@@ -222,7 +224,7 @@ def run_command(
             "--real-time 1 as well",
         )  # fmt: skip
     edited = edited_system(system, waypoints, changes, loops, origin, vehicle, force,
-                           {"ardusub": ardusub, "px4": px4}, variable_step)  # fmt: skip
+                           {"ardusub": ardusub, "px4": px4}, variable_step, events)  # fmt: skip
     if real_time is None and overruns != "catch-up":
         raise InputInvalid(f"--overruns {overruns}: expected --real-time FACTOR with it")
     from uuvsim_cosim.orchestrator.master.real_time import Pace

@@ -26,7 +26,7 @@ GROUPS: dict[str, dict[str, tuple[str, ...]]] = {
         _SYSTEM: ("--vehicle", "--set", "--replace", "--map", "--force", "--ardusub", "--px4",
                   "--loops", "--native", "--isolate", "--watchdog", "--grant", "--arm-real",
                   "--unsigned"),
-        _TIME: ("--until", "--start", "--rate", "--variable-step", "--real-time",
+        _TIME: ("--until", "--start", "--rate", "--variable-step", "--events", "--real-time",
                 "--overruns"),
         _INPUTS: ("--input", "--waypoints", "--origin", "--scenario", "--seed"),
         OUTPUT: ("--out", "--record-every", "--no-report", "--open", "--view", "--port",

@@ -29,6 +29,7 @@ __all__ = [
     "SET",
     "ArdusubBinary",
     "ArmReal",
+    "Events",
     "Force",
     "Loops",
     "Maps",
@@ -94,6 +95,12 @@ VariableSteps = Annotated[
         help="Step that follows the coupling's error, in s: 'smallest=1e-5 largest=0.01'.",
     ),
 ]
+Events = Annotated[
+    bool,
+    typer.Option(
+        "--events", help="FMUs of FMI 3.0 exchange values at the instant of an event (Event Mode)."
+    ),
+]
 Until = Annotated[
     float | None,
     typer.Option(
@@ -136,7 +143,7 @@ def edited_system(
     name: str, waypoints: Path | None, changes: dict[str, dict[str, str]],
     loops: str | None = None, origin: str | None = None, vehicle: str | None = None,
     force: bool = False, binaries: Mapping[str, str | None] | None = None,
-    variable_step: str | None = None,
+    variable_step: str | None = None, events: bool = False,
 ) -> System:  # fmt: skip
     """Load the system and apply the swaps, then rates, values, waypoints and the policies.
 
@@ -159,6 +166,8 @@ def edited_system(
     if variable_step is not None:
         asked = variable_step.strip()
         system = system.with_variable_step(None if asked == "none" else asked)
+    if events:
+        system = system.with_events()
     rates, swaps = changes["rate"], dict(changes["replace"])
     if any(text.startswith("axes:") for text in swaps.values()):
         from uuvsim_cosim.bridge.http.recorded_axes import with_recorded_axes

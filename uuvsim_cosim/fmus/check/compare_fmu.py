@@ -87,8 +87,11 @@ def _capabilities(root: Element) -> dict[tuple[str, str], str]:
     An interface that only one FMU has is a difference of its own.
     """
     found = {}
+    fmi1 = root.find("Implementation/CoSimulation_StandAlone/Capabilities")
     for interface in ("CoSimulation", "ModelExchange", "ScheduledExecution"):
         element = root.find(interface)
+        if interface == "CoSimulation" and fmi1 is not None:
+            element = fmi1
         for key, text in () if element is None else element.attrib.items():
             value = text.strip()
             if key.startswith(_BOOLEAN):
@@ -142,6 +145,7 @@ def _properties(v: Variable) -> dict[str, str]:
         "max": NOTHING if v.max is None else f"{v.max:.17g}",
         "items": ", ".join(f"{item} = {n}" for item, n in v.items) or NOTHING,
         "depends on": depends,
+        "sign": "negated alias" if v.negated else NOTHING,
     }
 
 

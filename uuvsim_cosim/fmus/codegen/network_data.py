@@ -7,12 +7,14 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from uuvsim_cosim.fmus.codegen.camera_data import camera_call, camera_text
 from uuvsim_cosim.fmus.codegen.scene_data import contact_text, frame_call, ray_text
 from uuvsim_cosim.fmus.codegen.sonar_data import sonar_call, sonar_text
 from uuvsim_cosim.models.hull.contact import HullContact, HullPlace
 from uuvsim_cosim.models.intrinsics.field import Field
 from uuvsim_cosim.models.intrinsics.network import NETWORKS, Layer, Network
 from uuvsim_cosim.models.intrinsics.transformer import Transformer
+from uuvsim_cosim.models.worlds.camera_image import CameraImage
 from uuvsim_cosim.models.worlds.rays import Frame, Rays
 from uuvsim_cosim.models.worlds.sonar_image import SonarImage
 
@@ -49,8 +51,8 @@ def network_call(k: int, called: str, a: list[str]) -> Iterator[str]:
         yield frame_call(k, n, a)
         yield from (f"t{k}.y[{j}]" for j in range(n.n_out))
         return
-    if isinstance(n, SonarImage):
-        yield sonar_call(k, n, a)
+    if isinstance(n, SonarImage | CameraImage):
+        yield sonar_call(k, n, a) if isinstance(n, SonarImage) else camera_call(k, n, a)
         yield from (f"y{k}[{j}]" for j in range(n.n_out))
         return
     suffix, groups, count, kind = "", [a], n.n_out, ""
@@ -75,6 +77,8 @@ def network_data(name: str) -> str:
         return "".join(ray_text(n))
     if isinstance(n, SonarImage):
         return "".join(sonar_text(n))
+    if isinstance(n, CameraImage):
+        return "".join(camera_text(n))
     if isinstance(n, Transformer):
         return "".join(transformer_text(n))
     assert isinstance(n, Network)

@@ -12,7 +12,7 @@ from uuvsim_cosim.fmus.codegen.scene_data import doubles, scene_text
 from uuvsim_cosim.models.worlds.sonar_geometry import AMPLITUDES, TURNS
 from uuvsim_cosim.models.worlds.sonar_image import SonarImage, over_cosine
 
-__all__ = ["sonar_arrays", "sonar_call", "sonar_numbers", "sonar_text"]
+__all__ = ["array_text", "sonar_arrays", "sonar_call", "sonar_numbers", "sonar_text"]
 
 
 def sonar_call(k: int, n: SonarImage, a: list[str]) -> str:
@@ -58,9 +58,9 @@ def sonar_text(n: SonarImage) -> Iterator[str]:
     arrays = sonar_arrays(n)
     for shared in ("turns", "amplitudes"):
         yield f"#ifndef HAS_UUV_{shared}\n#define HAS_UUV_{shared}\n"
-        yield _array(f"uuv_sonar_{shared}", arrays.pop(shared)) + "#endif\n"
+        yield array_text(f"uuv_sonar_{shared}", arrays.pop(shared)) + "#endif\n"
     for key, values in arrays.items():
-        yield _array(f"{n.name}_{key}", values) if values.size else ""
+        yield array_text(f"{n.name}_{key}", values) if values.size else ""
     at = [
         f"{n.name}_{key}" + _MEMBER[values.dtype.kind] if values.size else "0"
         for key, values in arrays.items()
@@ -98,7 +98,7 @@ def sonar_text(n: SonarImage) -> Iterator[str]:
 _MEMBER = {"f": ".number", "i": "", "u": ""}
 
 
-def _array(name: str, values: NDArray[Any]) -> str:
+def array_text(name: str, values: NDArray[Any]) -> str:
     """Return an array in C; numbers with a point as bits, which a compiler reads fast."""
     flat = values.ravel()
     if values.dtype.kind != "f":

@@ -30,12 +30,17 @@ _TYPES = (
     "Float32", "Float64", "Int8", "UInt8", "Int16", "UInt16", "Int32", "UInt32", "Int64",
     "UInt64", "Boolean", "String",
 )  # fmt: skip
+_ROUNDS = 100  # of an event iteration
 _VALUES = (_I, (_P, _P, _Z, _P, _Z))
 
 
 @final
 class Fmu3(FmuBinary):
-    """The `Component` protocol over FMI 3.0's functions; without Event Mode and early return."""
+    """The `Component` protocol over FMI 3.0's functions.
+
+    With `FmuArchive.events`, it uses Event Mode and may return early; the stepping loop in C
+    handles its events.
+    """
 
     prefix = "fmi3"
     kind = BindingKind.FMI3
@@ -47,6 +52,7 @@ class Fmu3(FmuBinary):
         "InstantiateCoSimulation": (_P, (_S, _S, _S, _B, _B, _B, _B, _P, _Z, _P, _P, _P)),
         "InstantiateModelExchange": (_P, (_S, _S, _S, _B, _B, _P, _P)),
         "EnterInitializationMode": (_I, (_P, _B, _D, _D, _B, _D)),
+        "EnterStepMode": (_I, (_P,)),
         "EnterConfigurationMode": (_I, (_P,)),
         "ExitConfigurationMode": (_I, (_P,)),
         **{f"Get{t}": _VALUES for t in _TYPES},
@@ -86,8 +92,8 @@ class Fmu3(FmuBinary):
             path,
             False,  # visible
             logging_on,
-            False,  # eventModeUsed
-            False,  # earlyReturnAllowed
+            self.archive.events,  # eventModeUsed
+            self.archive.events,  # earlyReturnAllowed
             None,
             0,
             *log,
@@ -101,6 +107,38 @@ class Fmu3(FmuBinary):
         stop = (False, 0.0) if stop_time is None else (True, stop_time)
         self.call("EnterInitializationMode", False, 0.0, start_time, *stop)
         self.phase = Phase.INITIALIZATION
+
+    def exit_initialization_mode(self) -> None:
+        """Leave Initialization Mode; with Event Mode, update discrete states, and step then."""
+        super().exit_initialization_mode()
+        if self.archive.events:
+            self._update_discrete_states()
+
+    def set(self, variable: Variable, value: object) -> None:
+        """Set a value; between steps, an FMU that uses Event Mode is in it meanwhile."""
+        if not self.archive.events or self.phase is not Phase.STEP:
+            super().set(variable, value)
+            return
+        self.call("EnterEventMode")
+        super().set(variable, value)
+        self._update_discrete_states()
+
+    def _update_discrete_states(self) -> None:
+        """Update discrete states until no round is needed, and enter Step Mode."""
+        flags, time = [ctypes.c_bool() for _ in range(5)], ctypes.c_double()
+        for _ in range(_ROUNDS):
+            self.call("UpdateDiscreteStates", *map(ctypes.byref, flags), ctypes.byref(time))
+            if flags[1].value:
+                raise ComponentFailed(self.path, self.time, "it asks to end the simulation", True)
+            if not flags[0].value:
+                self.call("EnterStepMode")
+                return
+        raise ComponentFailed(
+            self.path,
+            self.time,
+            f"after {_ROUNDS} rounds of fmi3UpdateDiscreteStates it needs another; expected an "
+            "event iteration that ends",
+        )
 
     def do_step(self, current_communication_point: float, step_size: float) -> None:
         """Advance by one communication step; raises ComponentFailed with the FMU's message."""

@@ -51,6 +51,7 @@ class FmuArchive:
     tolerance: float = 1e-6  # relative, of the integrator of a Model Exchange FMU
     sources: Sources | None = None  # compiled if there is no binary
     structure: Mapping[str, object] = field(default_factory=dict)  # structural parameters, as set
+    events: bool = False  # an instance uses Event Mode and may return early
     remarks: tuple[str, ...] = ()  # properties that differ from FMI, which each run reports
 
 
@@ -142,6 +143,7 @@ def read_fmu(
         can_be_instantiated_only_once=flag(element, "canBeInstantiatedOnlyOncePerProcess"),
         can_handle_variable_step=chosen == "ModelExchange"  # this package's solver ends anywhere
         or flag(element, "canHandleVariableCommunicationStepSize"),
+        has_event_mode=chosen == "CoSimulation" and flag(element, "hasEventMode"),
         provides_directional_derivatives=flag(
             element, "providesDirectionalDerivative", "providesDirectionalDerivatives"
         ),

@@ -17,6 +17,8 @@ __all__ = ["copies", "driver_text", "initialization"]
 
 _SMALL = 4  # states of a component of which several are stepped side by side
 
+_ON_STACK = 2048  # values of a local array; 16 lanes of them take 256 kB
+
 
 def driver_text(fused: Fused, tokens: Sequence[str]) -> str:
     """Return the C that steps and initializes a block of lanes according to the plan.
@@ -79,7 +81,7 @@ def driver_text(fused: Fused, tokens: Sequence[str]) -> str:
             "",
             *parts,
             "static void step(V *m, const uuv_lane_sources *at) {",
-            f"    V scratch[{scratch}];",
+            f"    {_place(scratch)}V scratch[{scratch}];",
             "    const uuv_lane_time here = lane_time(m, 0, 1, tick_num, tick_den), *now = &here;",
             *masks(steps),
             *steps,
@@ -279,6 +281,11 @@ def _slower(m: Member) -> str:
     return f"step_{m.declaration}_{m.rate}"
 
 
+def _place(values: int) -> str:
+    """Return the storage of a local array: images of sonars are larger than a thread's stack."""
+    return "static _Thread_local " if values > _ON_STACK else ""
+
+
 def slower_steps(fused: Fused) -> Iterator[str]:
     """Yield the functions that make a longer communication step; its outputs stay pending."""
     for m in {_slower(m): m for m in fused.members if m.rate >= 0}.values():
@@ -290,7 +297,8 @@ def slower_steps(fused: Fused) -> Iterator[str]:
         yield "        V *scratch) {"
         yield "    const V *p = lane_parameters(m, b, at);"
         yield f"    V *x = b + {o['state']}, *pending = b + {m.layout.size};"
-        yield f"    V kept[{n_kept + 1}], fresh[{n['output'] + 1}];"
+        yield f"    {_place(n_kept + 1)}V kept[{n_kept + 1}];"
+        yield f"    {_place(n['output'] + 1)}V fresh[{n['output'] + 1}];"
         yield f"    for (uint32_t i = 0; i < {n_kept}; i++) kept[i] = x[i];"
         ticks = fused.periods[m.rate]
         yield f"    const V end = lane_time(m, 0, {ticks}, tick_num, tick_den).end;"

@@ -170,6 +170,8 @@ def fused_of(plan: Plan, cells_a_word: int = 1) -> Fused:
             sources_of_plan[c.source] = source
             continue
         a = {"FMU": "an FMU", "Python": "a Python component"}.get(source.kind, source.kind)
+        if plan.components.index(c) in plan.event_group_of:
+            a = "an FMU that uses Event Mode"
         problems.append(
             Problem(
                 c.path,

@@ -35,6 +35,7 @@ LIBRARY: dict[str, str] = {
     "backstepping": "uuvsim_cosim.models.control.backstepping:backstepping",
     "ballast": "uuvsim_cosim.models.hull.ballast:ballast",
     "battery": "uuvsim_cosim.models.actuators.battery:battery",
+    "color_camera": "uuvsim_cosim.models.sensors.color_camera:color_camera",
     "compass": "uuvsim_cosim.models.sensors.compass:compass",
     "contact": "uuvsim_cosim.models.hull.contact:contact",
     "controller": "uuvsim_cosim.models.control.controller:controller",

@@ -18,7 +18,7 @@ FOLDER = ".schema"
 _LINE = re.compile(r"#\s*yaml-language-server:\s*\$schema=\S*?(\w+)\.schema\.json\s*\n")
 # A preset's file has the name of the component that reads it.
 PRESETS = (
-    "altimeter", "compass", "controller", "depth_camera", "dvl", "gps", "guidance",
+    "altimeter", "color_camera", "compass", "controller", "depth_camera", "dvl", "gps", "guidance",
     "imaging_sonar", "imu", "lbl", "leak", "link", "magnetometer", "modem", "multibeam",
     "multibeam_sonar", "path_following", "pilot", "pressure", "propeller", "scanning_sonar",
     "side_scan_sonar", "thruster", "trajectory", "usbl",

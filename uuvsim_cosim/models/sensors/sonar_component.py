@@ -21,7 +21,7 @@ import numpy as np
 
 from uuvsim_cosim.errors import InputInvalid, ParameterInvalid
 from uuvsim_cosim.models.acoustics.absorption import ainslie_mccolm, francois_garrison
-from uuvsim_cosim.models.acoustics.materials import scene_materials, strength_table
+from uuvsim_cosim.models.acoustics.materials import material, scene_materials, strength_table
 from uuvsim_cosim.models.declaration.kinematics import R
 from uuvsim_cosim.models.declaration.model import Clock, Model, is_on
 from uuvsim_cosim.models.declaration.preset import Preset
@@ -102,6 +102,8 @@ def surfaces_of(
     scene: str, seabed: str, solid: str, law: str, frequency: float, movers: int
 ) -> tuple[Surfaces, tuple[str, ...]]:
     """Return the backscatter of a scene, and what was assumed; `movers` are of `solid` too."""
+    for name in filter(None, (seabed, solid)):  # also one that this scene does not need
+        material(name)
     found = scene_materials(scene_named(scene), seabed, solid)
     names = list(dict.fromkeys([*found.names, *([solid] if movers else [])]))
     table = strength_table(names, frequency, SOUND_SPEED, law)

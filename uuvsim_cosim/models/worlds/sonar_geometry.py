@@ -15,7 +15,7 @@ Weights are rounded to 1e-6: results do not depend on the mathematical library o
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import asin, ceil, cos, log, pi, sin, sqrt
+from math import asin, ceil, cos, inf, log, pi, sin, sqrt
 
 import numpy as np
 from numpy.typing import NDArray
@@ -40,6 +40,8 @@ SHADINGS = {"none": (1.0, 0.885893), "hamming": (0.54, 1.302982), "hann": (0.5, 
 LEAST_WEIGHT = 1e-3  # a pattern below it is left out: -60 dB
 LOBES = 3  # of the response of the matched filter, to each side
 FINEST = 4  # range cells within the resolution
+MOST_COLUMNS = 8192  # of rays, and beams
+MOST_RAYS = 1_000_000  # of a ping
 
 TURNS = np.array(
     [[cos(2 * pi * (i + 0.5) / TABLE), sin(2 * pi * (i + 0.5) / TABLE)] for i in range(TABLE)],
@@ -124,17 +126,20 @@ def sonar_geometry(
         raise ParameterInvalid(path, f"shading = {shading!r}", ", ".join(SHADINGS))
     if beams < 1 or bins < 1:
         raise ParameterInvalid(path, f"{beams} beams of {bins} bins", "1 or more of each")
+    if beams > MOST_COLUMNS:
+        raise ParameterInvalid(path, f"{beams} beams", f"at most {MOST_COLUMNS}")
     if not (0.0 <= swath < pi and 0.0 < beam_width < pi / 2 and 0.0 < elevation < pi):
         raise ParameterInvalid(
             path,
-            f"swath {swath:g} rad, beam_width {beam_width:g} rad, elevation {elevation:g} rad",
-            "a swath and an elevation below pi, and a width below pi / 2",
+            f"{beams} beams of width {beam_width:g} rad, swath {swath:g} rad, "
+            f"elevation {elevation:g} rad",
+            "a swath and an elevation below pi, and a width below pi / 2, thus more beams",
         )
-    if not 0.0 < range_min < range_max or not resolution > 0.0:
+    if not 0.0 < range_min < range_max < inf or not resolution > 0.0:
         raise ParameterInvalid(
             path,
             f"ranges {range_min:g} to {range_max:g} m, resolution {resolution:g} m",
-            "rising, above 0",
+            "rising, above 0, finite",
         )
     bearings = np.array(
         [swath * (i / (beams - 1) - 0.5) if beams > 1 else 0.0 for i in range(beams)]
@@ -148,6 +153,12 @@ def sonar_geometry(
             path,
             f"{n} columns of {rays} rays",
             f"{least} columns, one within a beam's width, of 1 ray",
+        )
+    if n > MOST_COLUMNS or n * rays > MOST_RAYS:
+        raise ParameterInvalid(
+            path,
+            f"{n} columns of {rays} rays",
+            f"at most {MOST_COLUMNS} columns, and {MOST_RAYS} rays of a ping",
         )
     angles = [2 * edge * ((i + 0.5) / n - 0.5) for i in range(n)]
     u = np.array([sin(a) for a in angles])

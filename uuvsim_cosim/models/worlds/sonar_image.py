@@ -36,6 +36,8 @@ Words = NDArray[np.uint64]
 ANGLES = 256  # UUV_SONAR_ANGLES
 SONAR_HEAD = 21  # UUV_SONAR_HEAD
 SMALLEST = 2.0**-14  # m, of a scatterer's cell
+# Parts of a cell by which the grid is shifted: a bottom at a round depth is on no border of cells.
+UNEVEN = np.array([0.3819660112501052, 0.2360679774997897, 0.4142135623730951])
 
 
 @dataclass(frozen=True, eq=False)
@@ -232,7 +234,7 @@ def _mix(h: Words) -> Words:
 def _cell(p: Array, size: float) -> Words:
     """Return the bits of the cells of points (n, 3), of the power of 2 at or below `size`."""
     exponent = int(np.floor(np.log2(size)))
-    i = np.floor(p * 2.0**-exponent).astype(np.int64).astype(np.uint64)
+    i = np.floor(p * 2.0**-exponent + UNEVEN).astype(np.int64).astype(np.uint64)
     h = np.uint64((exponent + 1023) * 0x9E3779B97F4A7C15 % 2**64) + i[:, 0] * np.uint64(
         0xD1342543DE82EF95
     )

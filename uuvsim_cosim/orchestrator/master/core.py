@@ -17,6 +17,7 @@ from uuvsim_cosim.fmus.isolation.guard import guard_functions
 from uuvsim_cosim.orchestrator.master.core_library import (
     Action,
     Coupling,
+    Event,
     Failure,
     Outcome,
     StepControl,
@@ -196,6 +197,24 @@ class Core:
         counts = StepCounts()
         self._c.uuv_core_step_counts(self._core, ctypes.byref(counts))
         return counts
+
+    def event_mode(self, member: int, group: int, functions: Sequence[int], repeats: bool) -> None:
+        """Let a member use Event Mode, in an event group; after its `access`es.
+
+        `functions` enter Event Mode, update discrete states, and enter Step Mode. `repeats`: its
+        state can be restored.
+        """
+        self._c.uuv_core_event_mode(self._core, member, group, *functions, repeats)
+
+    def discrete(self, member: int, slot: int) -> None:
+        """Set the inputs of the access with a slot in Event Mode only."""
+        self._c.uuv_core_discrete(self._core, member, slot)
+
+    def take_events(self) -> list[Event]:
+        """Return the events since the last call, and forget them."""
+        events = (Event * self._c.uuv_core_n_events(self._core))()
+        self._c.uuv_core_take_events(self._core, events)
+        return list(events)
 
     def fault(
         self, number: int, member: int, slot: int, kind: int, value: float, n: int, seed: int

@@ -18,7 +18,7 @@ from uuvsim_cosim.content import content
 from uuvsim_cosim.errors import UuvsimError
 from uuvsim_cosim.fmus.description import Variable
 
-__all__ = ["Action", "Coupling", "Failure", "Outcome", "StepControl", "StepCounts", "Type",
+__all__ = ["Action", "Coupling", "Event", "Failure", "Outcome", "StepControl", "StepCounts", "Type",
            "by_type", "decode", "encode", "library", "read_blob", "write_blob"]  # fmt: skip
 
 
@@ -71,6 +71,9 @@ class Outcome(IntEnum):
     NO_MEMORY = 7
     NOT_CONVERGED = 8
     NOT_RESTORED = 9
+    EVENTS_DO_NOT_END = 10
+    NO_PROGRESS = 11
+    NOT_REPEATED = 12
 
 
 class Action(IntEnum):
@@ -81,6 +84,9 @@ class Action(IntEnum):
     GET = 3
     GET_STATE = 4
     SET_STATE = 5
+    ENTER_EVENT_MODE = 6
+    UPDATE_DISCRETE_STATES = 7
+    ENTER_STEP_MODE = 8
 
 
 class Failure(ctypes.Structure):
@@ -106,6 +112,17 @@ class Coupling(ctypes.Structure):
         ("relative", ctypes.c_double),
         ("residual", ctypes.c_double),
         ("tick", ctypes.c_uint64),
+    )
+
+
+class Event(ctypes.Structure):
+    """Event of a component at a communication point plus an offset [s] (uuv_core.h)."""
+
+    _fields_ = (
+        ("tick", ctypes.c_uint64),
+        ("offset", ctypes.c_double),
+        ("member", ctypes.c_uint32),
+        ("input", ctypes.c_int32),
     )
 
 
@@ -208,6 +225,10 @@ def library() -> ctypes.CDLL:
         "uuv_core_bond": (i, [pointer, u32, u32, u32, u32]),
         "uuv_core_horizon": (None, [pointer, u64]),
         "uuv_core_step_counts": (None, [pointer, pointer]),
+        "uuv_core_event_mode": (i, [pointer, u32, u32, pointer, pointer, pointer, i]),
+        "uuv_core_discrete": (None, [pointer, u32, u32]),
+        "uuv_core_n_events": (u32, [pointer]),
+        "uuv_core_take_events": (None, [pointer, pointer]),
         "uuv_core_begin": (i32, [pointer, u64]),
         "uuv_core_run": (i32, [pointer, u64, double]),
         "uuv_core_accept_step": (i32, [pointer, u32]),
@@ -234,7 +255,7 @@ def library() -> ctypes.CDLL:
         function.restype, function.argtypes = result, arguments
     # Functions that allocate memory return 0 if there is none.
     for name in ("access", "in_place", "transfer", "state", "iterate", "fault", "record",
-                 "vary", "extrapolate", "judge", "bond"):  # fmt: skip
+                 "vary", "extrapolate", "judge", "bond", "event_mode"):  # fmt: skip
         getattr(c, f"uuv_core_{name}").errcheck = check_memory
     return c
 

@@ -41,6 +41,7 @@ class Placed:
     member: int
     variable: Variable
     slot: int
+    discrete: bool = False  # an input that is set in Event Mode only
 
     @property
     def slots(self) -> range:
@@ -136,11 +137,11 @@ def tables_of(
             assert serve is not None  # a component in a child process is itself not isolated
             binding = shared_binding(component, serve)
         bindings.append(binding)
-    inputs = _place(_exchanged(plan, components, order, bindings, held, outputs=False), 0)
+    inputs = _place(plan, _exchanged(plan, components, order, bindings, held, outputs=False), 0)
     first_output = sum(p.variable.size for p in inputs.values())
     read = [*recorded, *live]
     outputs = _place(
-        _exchanged(plan, components, order, bindings, read, outputs=True), first_output
+        plan, _exchanged(plan, components, order, bindings, read, outputs=True), first_output
     )
     n_slots = first_output + sum(p.variable.size for p in outputs.values())
     core = core_of(len(order), n_slots, plan.tick)
@@ -157,6 +158,8 @@ def tables_of(
         for action, own in ((Action.SET, set_[member]), (Action.GET, got[member])):
             for access in _accesses(b, action, own, components[i].path):
                 core.access(member, access)
+        if i in plan.event_group_of:
+            _use_event_mode(core, member, plan.event_group_of[i], components[i], b, set_[member])
         if b.kind == BindingKind.FMI1:
             for placed in (*set_[member], *got[member]):
                 for slot in placed.slots if placed.variable.negated else ():
@@ -224,11 +227,15 @@ def _exchanged(
         yield member, i, [v for v in described.variables.values() if v.name in names]
 
 
-def _place(exchanged: _Exchanged, first: int) -> dict[tuple[int, str], Placed]:
+def _place(plan: Plan, exchanged: _Exchanged, first: int) -> dict[tuple[int, str], Placed]:
     placed = {}
     for member, i, variables in exchanged:
-        for v in by_type(variables):
-            placed[i, v.name] = Placed(member, v, first)
+
+        def discrete(v: Variable, events: bool = i in plan.event_group_of) -> bool:
+            return events and v.causality == "input" and v.variability != "continuous"
+
+        for v in by_type(sorted(variables, key=discrete)):
+            placed[i, v.name] = Placed(member, v, first, discrete(v))
             first += v.size
     return placed
 
@@ -242,7 +249,7 @@ def _by_member(placed: Mapping[tuple[int, str], Placed], n: int) -> list[list[Pl
 
 def _accesses(b: Binding, action: Action, placed: Sequence[Placed], path: str) -> Iterator[Access]:
     """Yield the calls that set or get a member's variables, one for each type."""
-    for type_, same in groupby(placed, lambda p: Type.of(p.variable)):
+    for (type_, _), same in groupby(placed, lambda p: (Type.of(p.variable), p.discrete)):
         run = list(same)
         count = sum(p.variable.size for p in run)
         of = _offsets if b.kind == BindingKind.NATIVE else lambda v: v.value_references
@@ -352,6 +359,20 @@ def _vary(variable: PlannedVariableStep, tables: Tables, components: Sequence[Co
     if step.rollback:
         for member, i in enumerate(tables.order):
             core.state(member, *_state_functions(tables.bindings[member], components[i]))
+
+
+def _use_event_mode(
+    core: Core, member: int, group: int, component: Component, b: Binding, inputs: list[Placed]
+) -> None:
+    names = ("EnterEventMode", "UpdateDiscreteStates", "EnterStepMode")
+    functions = [_function(b, name, component.path) for name in names]
+    repeats = component.description.can_get_and_set_state
+    core.event_mode(member, group, functions, repeats)
+    if repeats:
+        core.state(member, *_state_functions(b, component))
+    for placed in inputs:
+        if placed.discrete and placed.slots:
+            core.discrete(member, placed.slot)
 
 
 def _state_functions(b: Binding, component: Component) -> tuple[int, int, int, int]:

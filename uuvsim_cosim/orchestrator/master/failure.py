@@ -47,6 +47,8 @@ def error_of(
             function = "DoStep"
         elif action in (Action.GET_STATE, Action.SET_STATE):
             function = action.name.title().replace("_State", "FMUState")
+        elif action > Action.SET_STATE:
+            function = action.name.title().replace("_", "")
         else:
             placed, _ = tables.placed_at(failure.slot)
             function = fmi_name(binding.kind, action, Type.of(placed.variable))
@@ -125,6 +127,32 @@ def _reason(failure: Failure, tables: Tables, component: Component) -> str:
             f"its state was restored before a step of variable length was repeated, and output "
             f"{name} has another value than before the step; expected a component that restores "
             "its whole state, or rollback=no"
+        )
+    if outcome == Outcome.EVENTS_DO_NOT_END:
+        group = next(g for g in tables.plan.events or () if tables.order[failure.member] in g)
+        names = ", ".join(tables.plan.components[i].path for i in group)
+        if failure.status:
+            cause = "it needs another round of fmi3UpdateDiscreteStates"
+        else:
+            placed, element = tables.placed_at(failure.slot)
+            owner = tables.plan.components[tables.order[placed.member]].path
+            cause = f"input {owner}.{placed.variable.element_name(element)} changes each time"
+        return (
+            f"the event iteration of {names} at t = {failure.residual:.9g} s does not end: after "
+            f"100 rounds {cause}; expected a fixed point"
+        )
+    if outcome == Outcome.NO_PROGRESS:
+        cause = "fmi3DoStep returned early without progress"
+        if failure.status:
+            cause = "there are more than 100000 events in one step"
+        return f"{cause}, at t = {failure.residual:.9g} s; expected time to go on after an event"
+    if outcome == Outcome.NOT_REPEATED:
+        other = tables.plan.components[tables.order[failure.slot]].path
+        return (
+            f"it returned early at t = {failure.residual:.9g} s, and {other}, which has events "
+            "together with it, went further and cannot restore its state "
+            "(canGetAndSetFMUState); expected a component that restores its state, or a run "
+            "without events"
         )
     if outcome == Outcome.ENDED:
         return "it asks to end the simulation"

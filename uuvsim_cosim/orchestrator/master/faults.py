@@ -146,6 +146,17 @@ class Faults:
                 f"fault {fault.kind!r}, with a variable communication step",
                 "override, bias, scale or freeze, or a fixed step: it counts samples",
             )
+        i = self._tables.order[placed.member]
+        group = plan.event_group_of
+        if i in group and any(
+            t.source_variable.name == placed.variable.name and group.get(t.target) == group[i]
+            for t in plan.from_component.get(i, ())
+        ):
+            raise InputInvalid(
+                fault.signal,
+                "is exchanged at the instant of an event, which a fault does not change",
+                "another output, or a run without events",
+            )
         n = 1  # past samples that the fault keeps
         if fault.kind == "delay" and not bad:
             step = plan.components[self._tables.order[placed.member]].step_ticks * plan.tick

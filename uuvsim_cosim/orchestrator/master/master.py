@@ -36,6 +36,7 @@ from uuvsim_cosim.orchestrator.master.core_library import (
 )
 from uuvsim_cosim.orchestrator.master.core_tables import Tables, tables_of
 from uuvsim_cosim.orchestrator.master.coupling import Residual, loop_remarks, residuals_of
+from uuvsim_cosim.orchestrator.master.event_log import Event
 from uuvsim_cosim.orchestrator.master.failure import error_of
 from uuvsim_cosim.orchestrator.master.faults import Faults, hash_of_seeds
 from uuvsim_cosim.orchestrator.master.initial_values import propagate
@@ -110,6 +111,9 @@ class Master:
     >>> master.make_ahead(10)  # needed only for the components of `without_state`
     >>> master.without_state
     ()
+    >>> master.stop_at([500])  # a communication point also with a variable step
+    >>> master.variable_step is None  # this system has a fixed one
+    True
     >>> master.reset(seed=7, start={"hull": {"eta_0": [0, 0, 3, 0, 0, 0]}})
     >>> float(master.get("hull", "eta")[2])  # depth [m]
     3.0
@@ -139,6 +143,7 @@ class Master:
         self._faults: Faults | None = None
         self._loop_state: LoopState | None = None
         self._remarks: list[str] = []  # of delayed loops that do not converge
+        self.events: list[Event] = []  # of a plan with events, since the master was made
         self.recorded = 0  # scalars that observers get at each recorded point
         self._first: Snapshot | None = None  # in Initialization Mode, for `reset`
         self._start_tick = 0
@@ -786,7 +791,16 @@ class Master:
         if library().uuv_core_any(self._counts, len(self._counts)):
             for drain in self._counted:
                 drain()
-        self._watch.emit(self._ready().core)
+        tables = self._ready()
+        if self.plan.events:
+            self.events += [
+                Event(
+                    self.plan.components[tables.order[e.member]].path, e.tick, e.offset,
+                    self._seconds(e.tick) + e.offset, "input" if e.input else "reported",
+                )
+                for e in tables.core.take_events()
+            ]  # fmt: skip
+        self._watch.emit(tables.core)
 
     def _end_watch(self) -> None:
         """Close the observers, after the rows that an interrupted step has not passed on."""

@@ -76,6 +76,15 @@ def prepare(
             if progress is not None:
                 progress("building", len(built), total)
 
+    eventful = {plan.components[i].path for i in plan.event_group_of}
+    for path in sorted(eventful):
+        if trace is not None or path in isolated:
+            other = "--trace-fmi" if trace is not None else "--isolate"
+            expected = f"no {other} for it, or a run without events"
+            raise InputInvalid(
+                f"events: {path}", f"uses Event Mode together with {other}", expected
+            )
+
     def instantiate(planned: PlannedComponent) -> Component:
         fmu = built.get(planned.source)
         text = str(fmu) if fmu is not None else planned.source
@@ -83,6 +92,8 @@ def prepare(
         if trace is not None and isinstance(source, FmuSource):
             return source.traced(planned.path, trace)
         way = isolated.get(planned.path)
+        if way is None and planned.path in eventful and isinstance(source, FmuSource):
+            return source.with_event_mode(planned.path)
         if way is None:
             return source.instantiate(planned.path, backend=backend)
         texts = (*granted.get("*", ()), *granted.get(planned.path, ()))

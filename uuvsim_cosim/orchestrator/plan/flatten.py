@@ -9,6 +9,7 @@ from fractions import Fraction
 from uuvsim_cosim.errors import Problem, SystemInvalid
 from uuvsim_cosim.fmus.description import Variable
 from uuvsim_cosim.orchestrator.plan.algebraic_loops import apply_loop_policy, iteration_obstacles
+from uuvsim_cosim.orchestrator.plan.events import with_events
 from uuvsim_cosim.orchestrator.plan.hull_checks import hull_warnings
 from uuvsim_cosim.orchestrator.plan.initialization import initialization_order
 from uuvsim_cosim.orchestrator.plan.net_weight import net_weight_findings
@@ -82,6 +83,8 @@ def flatten(system: System, seed: int = 0, loops: Loops | None = None) -> Plan:
         start=Fraction(str(system.start_time)),
     )
     plan = apply_loop_policy(plan, flat_.ungrouped)
+    if system.events:
+        plan = with_events(plan, varies=system.variable_step is not None)
     if system.variable_step is None:
         return plan
     about = plan.tick, plan.components, plan.transfers, plan.groups

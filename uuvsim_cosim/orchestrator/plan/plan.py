@@ -139,6 +139,13 @@ class Plan:
     loops: Loops = "delay"
     start: Fraction = Fraction()  # s, time at which a run begins by default
     variable: PlannedVariableStep | None = None  # None: every step is a whole tick
+    # Components that use Event Mode; those of a group have their events together. None: no events.
+    events: tuple[tuple[int, ...], ...] | None = None
+
+    @cached_property
+    def event_group_of(self) -> Mapping[int, int]:
+        """Number of the event group of each component that uses Event Mode."""
+        return {i: n for n, members in enumerate(self.events or ()) for i in members}
 
     @cached_property
     def connected(self) -> Mapping[tuple[int, str], set[int]]:

@@ -30,6 +30,7 @@ from uuvsim_cosim.fmus.isolation.isolated import check_watchdog
 from uuvsim_cosim.lazy import by_name
 from uuvsim_cosim.notebook_bar import Progress, shown
 from uuvsim_cosim.orchestrator.master.coupling import Residual
+from uuvsim_cosim.orchestrator.master.event_log import Event, event_counts, write_events
 from uuvsim_cosim.orchestrator.master.master import Master
 from uuvsim_cosim.orchestrator.master.observer import Observer
 from uuvsim_cosim.orchestrator.master.prepared import prepare
@@ -83,8 +84,9 @@ class Run:
     the algebraic loops that are iterated. `notes` are assumptions, `warnings` are possible
     mistakes; `waypoints` are those of a mission (N, E, D) [m]. `interrupted` is the reason for an
     early end; `punctuality` is that of a run in real time, `variable_step` the lengths of the
-    steps of a run in which they vary (`steps` then counts ticks). An attribute that does not apply
-    is None or empty.
+    steps of a run in which they vary (`steps` then counts ticks). `events` are those of a
+    system with events, which events.csv in the folder lists. An attribute that does not apply is
+    None or empty.
 
     Example:
 
@@ -121,6 +123,7 @@ class Run:
     interrupted: str = ""
     punctuality: Punctuality | None = None  # of a run in real time
     variable_step: VariableStepReport | None = None  # None: every step is a tick
+    events: tuple[Event, ...] | None = None  # of a system with events
 
     @property
     def real_time_factor(self) -> float:
@@ -402,6 +405,7 @@ def _simulated(
         first = int(plan.start / plan.tick)
         done, reached = master.tick - first, master.time
         largest, varied = master.largest_residual, master.variable_step
+        events = None if plan.events is None else tuple(master.events)
         provenance["warnings"] += [*master.remarks, *ranges.warnings()]
         if error is not None:
             master.free()  # not terminate(): a failed component may not answer
@@ -412,8 +416,11 @@ def _simulated(
         "real_time": None if pace is None else asdict(pace.punctuality()),
         "coupling_residual": None if largest is None else asdict(largest),
         "variable_step": None if varied is None else asdict(varied),
+        "events": None if events is None else event_counts(events),
     }  # fmt: skip
     try:
+        if events is not None:
+            write_events(folder.path / "events.csv", events)
         write_run_json(folder.path / "run.json", {**provenance, **known})
     except OSError as full:
         reason = f"{folder.path / 'run.json'}: {full.strerror}; expected free space on the disk"
@@ -444,6 +451,7 @@ def _simulated(
         interrupted=stopped,
         punctuality=None if pace is None else pace.punctuality(),
         variable_step=varied,
+        events=events,
     )  # fmt: skip
     if interrupted:
         raise Interrupted(result)

@@ -127,6 +127,8 @@ class _Writer:
             note.set("loops", system.loops)
         if system.mismatches != "refuse":
             note.set("mismatches", system.mismatches)
+        if system.events:
+            note.set("events", "true")
         for group in system.groups:
             item = SubElement(note, "uuvsim:Group", algorithm=group.algorithm)
             if group.algorithm == "iterated":

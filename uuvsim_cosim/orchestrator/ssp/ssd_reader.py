@@ -149,6 +149,7 @@ class _Reader:
                 loops=own.get("loops", "iterate"),  # type: ignore[arg-type]
                 mismatches=own.get("mismatches", "refuse"),  # type: ignore[arg-type]
                 variable_step=varied,
+                events=own.get("events") == "true",
             )
         except SystemInvalid as error:
             for p in error.problems:

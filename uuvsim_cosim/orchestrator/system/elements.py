@@ -93,7 +93,8 @@ class Structure(ABC):
     `tick` is the base step in s, exact; a run goes from `start_time` to `stop_time` [s] by
     default. `loops` is the policy for algebraic loops (see `System.with_loops`); that of a nested
     system is not used, nor is its policy for `mismatches` (see `System.with_mismatches`), nor its
-    `variable_step` (see `System.with_variable_step`). Relative files of sources are in `base`.
+    `variable_step` (see `System.with_variable_step`), nor its `events` (see `System.with_events`).
+    Relative files of sources are in `base`.
     """
 
     name: str
@@ -110,6 +111,7 @@ class Structure(ABC):
     start_time: float = 0.0
     mismatches: Mismatches = "refuse"
     variable_step: VariableStep | None = None
+    events: bool = False
 
     @property
     def base_step(self) -> Fraction:

@@ -108,6 +108,12 @@ class FmuSource:
 
         return instantiate_fmu(_archive(self), path)
 
+    def with_event_mode(self, path: str) -> Component:
+        """Make an instance in this process that uses Event Mode."""
+        from uuvsim_cosim.fmus.instantiation.instantiate import instantiate_fmu
+
+        return instantiate_fmu(replace(_archive(self), events=True), path)
+
     def limited(
         self, path: str, way: Isolation, watchdog: float | None, grants: Iterable[str]
     ) -> Component:

@@ -57,7 +57,8 @@ class System(Structure):
     `start_time` to `stop_time` [s] by default. The methods edit the components (`elements`), the
     `connections`, the `groups` that step together and the `exposed` connectors. `loops` is the
     policy for algebraic loops (see `with_loops`), `mismatches` that for parts of another vehicle
-    (see `with_mismatches`), `base` the folder of relative files of sources,
+    (see `with_mismatches`), `variable_step` a step that follows the coupling (see
+    `with_variable_step`), `base` the folder of relative files of sources,
     and `remarks` are about the file from which the system was read. A path such as ``port.motor``
     leads to the component ``motor`` of the nested system ``port``.
 
@@ -301,6 +302,21 @@ class System(Structure):
         'warn'
         """
         return replace(self, mismatches=policy)
+
+    def with_events(self, on: bool = True) -> System:
+        """Return the system with events across FMUs, or without them.
+
+        `on`: FMUs of FMI 3.0 for Co-Simulation that have Event Mode use it. Those that are
+        connected to each other exchange their values at the instant of an event, also inside a
+        step.
+
+        Example:
+
+        >>> import uuvsim_cosim as uuv
+        >>> uuv.load("bluerov2_hold").with_events().events
+        True
+        """
+        return replace(self, events=on)
 
     def with_variable_step(self, step: VariableStep | str | None) -> System:
         """Return the system with a communication step of variable length; None: a fixed one.

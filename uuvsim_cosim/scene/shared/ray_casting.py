@@ -112,9 +112,15 @@ class Caster:
         return z
 
     def inside(self, places: ArrayLike) -> NDArray[np.int32]:
-        """Return the number of the obstacle in which each place (n, 3) lies, -1 where in none.
+        """Return the number of the obstacle in which each of `places` (n, 3) lies, or -1.
 
         Obstacles are convex: in opposite directions, only a place in one meets it both times.
+
+        Example: in the float of the shipped canyon, and beside it.
+
+        >>> from uuvsim_cosim.scene import Caster
+        >>> Caster("canyon").inside([[-100.0, 0.0, 45.0], [-90.0, 0.0, 45.0]])
+        array([ 1, -1], dtype=int32)
         """
         at = _vectors(places, "places")
         down = np.tile([0.0, 0.0, 1.0], (len(at), 1))

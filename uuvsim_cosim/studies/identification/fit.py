@@ -109,6 +109,8 @@ def fit(
             p.windows.pieces *= 2
             _descend(p, state, noise, progress, coarse=False)
             noise = _noise(p, state.point, coloured)
+    except np.linalg.LinAlgError:
+        raise InputInvalid(AWAY) from None
     except KeyboardInterrupt:
         state.status = "interrupted"
         noise = _noise(p, state.point, coloured)
@@ -211,7 +213,7 @@ def _descend(
         state.point = there
         state.iterations += 1
         progress(state.iterations, float(np.sqrt(2.0 * there.objective / samples)))
-    state.status = f"{_ITERATIONS} iterations were not enough"
+    state.status = f"the last {_ITERATIONS} of them did not converge"
 
 
 def _noise(p: Shooting, point: Point, coloured: bool) -> Noise:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
-from math import pi
 from pathlib import Path
 
 import numpy as np
@@ -13,11 +12,18 @@ from numpy.typing import NDArray
 from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.models.declaration.element_names import split_element_name
 from uuvsim_cosim.models.declaration.near_names import expected_names
+from uuvsim_cosim.models.declaration.units import parse_unit, value_conversion
 from uuvsim_cosim.orchestrator.recording.recording_reader import read_signals
 from uuvsim_cosim.orchestrator.recording.signals import Signals
+from uuvsim_cosim.studies.identification.exclusions import Excluded
 from uuvsim_cosim.studies.identification.log_signals import signals_of_log
 from uuvsim_cosim.studies.identification.readers.bag_log import is_bag, read_bag
-from uuvsim_cosim.studies.identification.readers.channels import NONE, Channel, assigned
+from uuvsim_cosim.studies.identification.readers.channels import (
+    NONE,
+    QUANTITIES,
+    Channel,
+    assigned,
+)
 from uuvsim_cosim.studies.identification.readers.dataflash_log import read_dataflash
 from uuvsim_cosim.studies.identification.readers.px4_log import read_px4
 from uuvsim_cosim.studies.identification.readers.telemetry_log import read_telemetry
@@ -43,17 +49,13 @@ _EXPECTED = "a folder of a run, .parquet, .mcap, .csv, .BIN, .tlog, .ulg, .db3, 
 _MAP = "--map component.variable=signal"
 # Quantities of a log that no system has as a signal.
 _LOGGED = {"attitude", "rates", "position", "dvl", "depth", "pwm", "armed"}
-_FACTORS = {
-    "ms": 1e-3,
-    "us": 1e-6,
-    "ns": 1e-9,
-    "deg": pi / 180.0,
-    "deg/s": pi / 180.0,
-    "km": 1e3,
-    "cm": 1e-2,
-    "mm": 1e-3,
-    "km/h": 1 / 3.6,
-}
+# Units of a vehicle's signals by element; those of a log's quantities are in channels.py.
+_UNITS = {
+    "eta": ("m",) * 3 + ("rad",) * 3, "nu": ("m/s",) * 3 + ("rad/s",) * 3,
+    "tau": ("N",) * 3 + ("N.m",) * 3,
+}  # fmt: skip
+_FORCES = ("u", "pwm", "tau", "thrust", "force")  # signals that drive a vehicle
+_GAP, _RARE = 1.0, 3.5  # s without a number of such a signal, and times its usual distance
 
 
 def read_log(
@@ -96,14 +98,15 @@ def _csv(path: Path, parameters: Mapping[str, float], channels: Mapping[str, Cha
     It is a log if columns have names of quantities that no signal has, such as ``attitude[1]``, or
     with channels.
     """
-    t, columns = _columns(path)
-    named = _gathered(columns)
+    t, columns, units = _columns(path)
+    named, filled = _gathered(columns)
     if not channels and not _LOGGED & named.keys():
         finite = t[np.isfinite(t)]
         if len(finite):
             check_order(path, "the column of time", finite)
         check_pauses(path, np.maximum.accumulate(finite))
-        return _signals(t, named, path)
+        metadata = {"file": str(path), "remarks": filled, "excluded": _gaps(t, named)}
+        return Signals(t, np.arange(len(t)), named, {}, metadata=metadata)
 
     def read(channel: Channel) -> tuple[Array, Array]:
         names = [n.strip() for n in channel.place.split(",")]
@@ -111,6 +114,12 @@ def _csv(path: Path, parameters: Mapping[str, float], channels: Mapping[str, Cha
             if n not in columns:
                 raise InputInvalid(
                     f"{path}: {channel}", f"no column {n!r}", expected_names(n, sorted(columns))
+                )
+            if channel.unit and units[n]:
+                raise InputInvalid(
+                    f"{path}: {channel}?unit={channel.unit}",
+                    f"the line of units has {units[n]} for {n}, and it is converted already",
+                    "unit= or a line of units",
                 )
         return t, np.stack([columns[n] for n in names], axis=1)
 
@@ -121,11 +130,14 @@ def _csv(path: Path, parameters: Mapping[str, float], channels: Mapping[str, Cha
     remarks = (
         (f"columns that are not read: {', '.join(unread)}",) if unread and not channels else ()
     )
-    return signals_of_log(VehicleLog(path, series, parameters, "", remarks))
+    return signals_of_log(VehicleLog(path, series, parameters, "", (*remarks, *filled)))
 
 
-def _columns(path: Path) -> tuple[Array, dict[str, Array]]:
-    """Read names in the first line, units in the second (or none), then numbers."""
+def _columns(path: Path) -> tuple[Array, dict[str, Array], dict[str, str]]:
+    """Read names in the first line, units in the second (or none), then numbers.
+
+    Returns the time, the other columns in SI units, and the units of the file.
+    """
     import csv
 
     try:
@@ -148,7 +160,7 @@ def _columns(path: Path) -> tuple[Array, dict[str, Array]]:
     body = rows[1:]
     units = [""] * len(names)
     if body and not _is_number(body[0][1][0]):
-        units = [u.strip() for u in body[0][1]] + units
+        units = [u.strip(" []()") for u in body[0][1]] + units
         body = body[1:]
     table = np.full((len(body), len(names)), np.nan)
     for k, (n, row) in enumerate(body):
@@ -159,10 +171,61 @@ def _columns(path: Path) -> tuple[Array, dict[str, Array]]:
                 if not _is_number(cell):
                     raise InputInvalid(f"{path}:{n}", f"{names[j]} = {cell.strip()!r}", "a number")
                 table[k, j] = float(cell)
-    for j in range(len(names)):
-        table[:, j] *= _FACTORS.get(units[j], 1.0)
+    units = ["" if u in ("", "-", "1") else u for u in units[: len(names)]]
+    for j, (name, unit) in enumerate(zip(names, units, strict=True)):
+        if unit:
+            wanted = "s" if name == time else _unit_of(name)
+            factor, offset = _conversion(f"{path}:{rows[1][0]}: {name}", unit, wanted)
+            table[:, j] = factor * table[:, j] + offset
     t = table[:, names.index(time)]
-    return t, {n: table[:, j] for j, n in enumerate(names) if n != time}
+    others = {n: table[:, j] for j, n in enumerate(names) if n != time}
+    return t, others, dict(zip(names, units, strict=True))
+
+
+def _unit_of(name: str) -> str | None:
+    """Return the unit that a column is read in, None if any unit is possible."""
+    whole, indices = split_element_name(name)
+    last = whole.rpartition(".")[2]
+    for signal, names in _REFERENCE.items():
+        if name in names and signal in _UNITS:
+            return _UNITS[signal][names.index(name)]
+    if last in _UNITS:
+        return _UNITS[last][indices[0] - 1] if indices and 1 <= indices[0] <= 6 else None
+    return "us" if last.startswith("pwm") else QUANTITIES.get(whole)
+
+
+def _conversion(place: str, text: str, wanted: str | None) -> tuple[float, float]:
+    """Return factor and offset from a unit to the wanted one, or to that of SI."""
+    expected = f"a unit of {wanted}" if wanted else "a unit such as m/s, deg or N.m, or none"
+    known = {"ns": (1e-9, "s"), "nsec": (1e-9, "s"), "msec": (1e-3, "s"), "Nm": (1.0, "N.m")}
+    scale, name = known.get(text, (1.0, text.replace("°", "deg")))
+    try:
+        unit = parse_unit(name)
+    except ValueError:
+        raise InputInvalid(place, f"unit {text!r} is unknown", expected) from None
+    if wanted is None:
+        return scale * unit.factor, unit.offset
+    found = value_conversion(unit, parse_unit(wanted))
+    if found is None:
+        raise InputInvalid(place, f"unit {text!r}", expected)
+    return scale * found[0], found[1]
+
+
+def _gaps(t: Array, named: Mapping[str, Array]) -> tuple[Excluded, ...]:
+    """Return the spans in which a signal that drives the vehicle holds no number."""
+    found: dict[Excluded, None] = {}
+    for name, values in named.items():
+        if name.rpartition(".")[2] not in _FORCES:
+            continue
+        for column in values.reshape(len(t), -1).T:
+            at = t[np.isfinite(column) & np.isfinite(t)]
+            if len(at) < 2:
+                continue
+            longest = max(_GAP, _RARE * float(np.median(np.diff(at))))
+            edges = np.concatenate([[np.nanmin(t)], at, [np.nanmax(t)]])
+            for k in np.flatnonzero(np.diff(edges) > longest):
+                found[Excluded(float(edges[k]), float(edges[k + 1]), f"no number of {name}")] = None
+    return tuple(sorted(found, key=lambda e: e.first))
 
 
 def _is_number(text: str) -> bool:
@@ -173,8 +236,12 @@ def _is_number(text: str) -> bool:
     return True
 
 
-def _gathered(columns: Mapping[str, Array]) -> dict[str, Array]:
-    """Put ``hull.eta[1]`` … into one array; reference columns become eta, nu, tau and v_c."""
+def _gathered(columns: Mapping[str, Array]) -> tuple[dict[str, Array], tuple[str, ...]]:
+    """Put ``hull.eta[1]`` … into one array; reference columns become eta, nu, tau and v_c.
+
+    Returns remarks on the elements of tau and v_c that are 0 because no column has them, too.
+    """
+    remarks = []
     groups: dict[str, dict[int, Array]] = {}
     out: dict[str, Array] = {}
     length = len(next(iter(columns.values()))) if columns else 0
@@ -191,11 +258,10 @@ def _gathered(columns: Mapping[str, Array]) -> dict[str, Array]:
         size = max(max(found) + 1, len(_REFERENCE.get(name, ())))
         lacking = np.zeros(length) if name in ("tau", "v_c") else np.full(length, np.nan)
         out[name] = np.stack([found.get(i, lacking) for i in range(size)], axis=1)
-    return out
-
-
-def _signals(t: Array, values: Mapping[str, Array], path: Path) -> Signals:
-    return Signals(t, np.arange(len(t)), dict(values), {}, metadata={"file": str(path)})
+        zero = [f"{name}[{i + 1}]" for i in range(size) if i not in found]
+        if zero and name in ("tau", "v_c"):
+            remarks.append(f"not in the file, and 0: {', '.join(zero)}")
+    return out, tuple(remarks)
 
 
 # ---- autopilots -------------------------------------------------------------------------------

@@ -2,8 +2,8 @@
 
 ``log:FILE?from=SECONDS`` reads any recording that `uuvsim identify` reads. Its outputs are those of
 a hull (`eta`, `q`, `nu`, `nu_dot`, `nu_r`), the recorded commands `u` or force `tau_d`, and `used`:
-1 where the log is a dive, 0 in the parts that identification leaves out. t = 0 is the log's first
-command, or `from`. Nothing that the system computes changes the flight.
+1 where the log is a dive, 0 in the parts that identification leaves out and after the log's end.
+t = 0 is the log's first command, or `from`. Nothing that the system computes changes the flight.
 
 A measured number has the value of its last sample (``between=held``, default), as the vehicle had
 it, or is linear between two (``between=linear``). Before the first sample it has the first value.
@@ -161,7 +161,11 @@ class Flight:
             )
         self.remarks = [*signals.metadata.get("remarks", ())]
         self.remarks += [f"left out of a fit: {e}" for e in self.excluded]
-        self.remarks.append(f"t = 0 is {begin:g} s of {last:g} s that were recorded")
+        self.end = last
+        self.remarks.append(
+            f"t = 0 is {begin:g} s of {last:g} s that were recorded; after them, the last "
+            "sample holds, and used is 0"
+        )
         eta, nu = (_found(signals, n, path, 6) for n in ("eta", "nu"))
         if eta is None and nu is None:
             raise InputInvalid(path, "has neither eta nor nu", "a recording of a hull")
@@ -200,7 +204,9 @@ class Flight:
         out: dict[str, object] = {
             "eta": eta, "q": _quaternion(eta[3:]), "nu": nu, "nu_r": nu,
             "nu_dot": [_rate(track, s) for track in self._tracks[6:]],
-            "used": float(not any(e.first <= s < e.last for e in self.excluded)),
+            "used": float(
+                s <= self.end + 1e-9 and not any(e.first <= s < e.last for e in self.excluded)
+            ),
         }  # fmt: skip
         for name, (times, rows) in self._held.items():
             i = max(int(np.searchsorted(times, s + 1e-9, "right")) - 1, 0)

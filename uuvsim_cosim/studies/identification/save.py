@@ -70,10 +70,11 @@ def save_as(found: Identified, name: str) -> list[Saved]:
     """
     place, set_name = split_address(name) if "@" in name else ("", name)
     set_name = set_name or ""
-    if not re.fullmatch(r"[a-z][a-z0-9_]*", set_name):
+    words = ("true", "false", "null")  # of YAML
+    if not re.fullmatch(r"[a-z][a-z0-9_]*", set_name) or set_name in words:
         raise InputInvalid(
             f"--save-as {name}: expected lower case letters, digits and _, as "
-            "my_fit or my_rov@my_fit"
+            f"my_fit or my_rov@my_fit, and no word of YAML ({', '.join(words)})"
         )
     id, base = address_of(found.source)
     prefix = f"{found.hull}."
@@ -84,6 +85,8 @@ def save_as(found: Identified, name: str) -> list[Saved]:
     origin = f"identified from {found.recording} on {datetime.now(UTC).date().isoformat()}"
     residuals = ", ".join(f"{n} {s:.2g}" for n, s in found.residuals.items())
     facts = f"{found.samples} samples of {found.seconds:.4g} s; residuals (rms): {residuals}"
+    if not found.converged:
+        facts += f"; not converged after {found.iterations} iterations: {found.status}"
     thruster_set = _thruster_set(found, set_name, origin, facts)
     if not known and thruster_set is None:
         why = (

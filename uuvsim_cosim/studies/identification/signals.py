@@ -38,6 +38,7 @@ ANGLES = (3, 4, 5)
 _FORCES = {"thrust", "tau", "force"}
 _FINE, _FINEST = 0.05, 0.02  # s: the longest and the shortest step that is chosen
 _ENOUGH_STEPS, _MOST_STEPS = 1500, 100_000
+_MIDWAY = 0.499  # of a step: a sample farther from its grid point is midway to the next one
 _PITCH = 1.65  # rad: more than pi/2 with noise
 _RUN = 3.0  # s: shorter parts are not fitted
 _DELAYED = 0.2  # s after the first sample at which the grid begins if the delay is unknown
@@ -251,7 +252,8 @@ def _times(signals: Signals, first: float, last: float | None) -> tuple[Array, N
         held = np.maximum.accumulate(np.where(keep, time, -np.inf))
         rising = keep & np.concatenate([[True], held[1:] > held[:-1]])
     if rising.sum() < 2:
-        span = f"{np.nanmin(time):g} to {np.nanmax(time):g} s" if len(time) else "nothing"
+        finite = time[np.isfinite(time)]
+        span = f"{finite.min():g} to {finite.max():g} s" if len(finite) else "no time"
         raise InputInvalid(f"no samples from {first:g} s on; the recording holds {span}")
     place = np.flatnonzero(rising)
     return time[place], place
@@ -265,9 +267,15 @@ def _measured(t: Array, values: Array, grid: Array, h: float, angle: bool) -> Ar
     at, v = t[good], values[good]
     if angle:
         v = np.unwrap(v)
-    # An odd number of samples about a grid point: an even number would shift the mean in time.
-    cell = np.rint((at - grid[0]) / h).astype(int)
-    near = np.abs(at - grid[0] - cell * h) < 0.499 * h
+    # An odd number of samples about a grid point: an even number would shift the mean in time. So
+    # a sample midway between two points counts only if neither of them has another one.
+    place = (at - grid[0]) / h
+    cell = np.rint(place).astype(int)
+    midway = np.abs(place - cell) >= _MIDWAY
+    lower = np.floor(place).astype(int)
+    alone = ~np.isin(lower, cell[~midway]) & ~np.isin(lower + 1, cell[~midway])
+    cell = np.where(midway, lower, cell)
+    near = ~midway | alone
     cell, v, at = cell[near], v[near], at[near]
     inside = (cell >= 0) & (cell < len(grid))
     cell, v, at = cell[inside], v[inside], at[inside]
@@ -277,7 +285,7 @@ def _measured(t: Array, values: Array, grid: Array, h: float, angle: bool) -> Ar
     late = np.bincount(cell, at, len(grid))
     middle = late[some] / count[some] - grid[some]
     mean = total[some] / count[some]
-    # If samples are uneven about the grid point, subtract the slope between neighbours; and the
+    # If samples are uneven about the grid point, subtract the slope at their middle; and the
     # curvature, since the mean over a curve lies on its inner side.
     if some.sum() > 2:
         place = grid[some]
@@ -286,7 +294,7 @@ def _measured(t: Array, values: Array, grid: Array, h: float, angle: bool) -> Ar
         bend = np.zeros(len(mean))
         rise = np.diff(mean) / np.diff(place)
         bend[1:-1] = 2.0 * np.diff(rise) / (place[2:] - place[:-2])
-        mean = mean - slope * middle - 0.5 * spread * bend
+        mean = mean - slope * middle + (middle**2 - 0.5 * spread) * bend
     found[some] = mean
     return found
 
@@ -314,6 +322,11 @@ class _Supply:
             course = "linear" if smooth else self.course
             if course != "held":  # rows that repeat a value are no samples of it
                 sampled = np.where(self._own_rows(name), sampled, np.nan)
+            if not np.isfinite(sampled).any():
+                element = f"[{e + 1}]" if values.shape[1] > 1 else ""
+                raise InputInvalid(
+                    f"{name}{element}, which drives the vehicle, holds no number", "some"
+                )
             return Curve(self.t, sampled, course)
         if feed.free:  # nothing feeds it: its start value; commands and forces have none
             if feed.variable in ("u", "tau", "thrust", "force"):

@@ -6,12 +6,17 @@ lengths are in metres, in NED (`n`), or in a body's axes FRD (`b`).
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from uuvsim_cosim.models.worlds.terrain import Terrain
+
+if TYPE_CHECKING:
+    from uuvsim_cosim.models.sensors.sonar_axes import SonarAxes
 
 __all__ = ["Arrow", "Body", "Line", "Marker", "Mesh", "Rays", "Scene3D", "Solid"]
 
@@ -103,6 +108,7 @@ class Scene3D:
     terrain: Terrain | None = None
     bottom: float | None = None  # m, depth of a flat bottom, where there is no terrain
     notes: tuple[str, ...] = ()  # parts that could not be drawn, and why
+    sonars: Mapping[str, SonarAxes] = field(default_factory=dict)  # with images, by their path
 
     @property
     def signals(self) -> tuple[str, ...]:

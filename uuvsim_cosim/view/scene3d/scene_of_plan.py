@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from uuvsim_cosim.errors import UuvsimError
 from uuvsim_cosim.models.declaration.parameter_files import is_vehicle, vehicle_size
+from uuvsim_cosim.models.sensors.sonar_axes import sonar_axes
 from uuvsim_cosim.models.worlds.ground import scene_named
 from uuvsim_cosim.models.worlds.obstacles import Cylinder
 from uuvsim_cosim.models.worlds.scene import Scene
@@ -81,7 +82,8 @@ def scene3d_of_plan(plan: Plan, name: str = "") -> Scene3D:
         known = (float(d) for d in depths if d is not None and d.shape == () and np.isfinite(d))
         bottom = next(known, None)
     still = tuple(solids.values())
-    return Scene3D(name, bodies, markers, lines, still, terrain, bottom, tuple(notes))
+    sonars = {c.path: axes for c in plan.components if (axes := sonar_axes(c.source)) is not None}
+    return Scene3D(name, bodies, markers, lines, still, terrain, bottom, tuple(notes), sonars)
 
 
 def value_of(component: PlannedComponent, name: str) -> Array | None:

@@ -18,6 +18,7 @@ from uuvsim_cosim.view.recorded.traces import Traces
 from uuvsim_cosim.view.scene3d.motion import Motion
 from uuvsim_cosim.view.scene3d.scene import Scene3D
 from uuvsim_cosim.view.scene3d.viser_scene import ViserScene
+from uuvsim_cosim.view.scene3d.viser_sonar import SonarPictures
 
 if TYPE_CHECKING:
     from viser import (
@@ -71,6 +72,7 @@ class Panel:
 
         home.on_click(show_all)
         self._boxes: dict[str, GuiCheckboxHandle] = {}
+        self.sonars = SonarPictures(server, scene3d.sonars)
         self._plots: list[tuple[GuiDropdownHandle, GuiMarkdownHandle]] = []
 
     def add_parts(self) -> None:
@@ -104,7 +106,8 @@ class Panel:
                 self.server.gui.add_markdown("\n".join(f"- `{note}`" for note in notes))
 
     def plot(self, traces: Traces, t: float | None = None) -> None:
-        """Update the chosen plots."""
+        """Update the chosen plots, and the pictures of sonars."""
+        self.sonars.show(traces, t)
         for choice, place in self._plots:
             name = choice.value
             shown = name in traces.values and len(traces.time) > 1

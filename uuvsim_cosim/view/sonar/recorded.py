@@ -17,7 +17,7 @@ from uuvsim_cosim.orchestrator.recording.signals import Signals
 from uuvsim_cosim.orchestrator.running.library import load
 from uuvsim_cosim.view.sonar.scans import SonarScans
 
-__all__ = ["all_scans", "scans_of_run", "sonars_of"]
+__all__ = ["all_scans", "scans_of_run", "sonars_of", "whole_scans"]
 
 
 def sonars_of(plan: Plan) -> dict[str, PlannedComponent]:
@@ -109,10 +109,12 @@ def _scans(folder: Path, plan: Plan, c: PlannedComponent, signals: Signals) -> S
         eta=_pose(plan, c.path, signals, rows), frequency=frequency, sound_speed=speed,
         downward=axes.kind == "multibeam_sonar",
     )  # fmt: skip
-    return _whole(found, axes, np.asarray(signals[bearing], float)[rows]) if axes.scans else found
+    return (
+        whole_scans(found, axes, np.asarray(signals[bearing], float)[rows]) if axes.scans else found
+    )
 
 
-def _whole(pings: SonarScans, axes: SonarAxes, bearing: np.ndarray) -> SonarScans:
+def whole_scans(pings: SonarScans, axes: SonarAxes, bearing: np.ndarray) -> SonarScans:
     """Return the scans of a scanning sonar: each an image of the pings from port to starboard.
 
     A scan has the time and the pose of its last ping. Beams that it has not reached are 0.

@@ -75,6 +75,10 @@ class SonarScans:
                 self.name, f"no ping at or before {time:g} s", f"{self.time[0]:g} s or later"
             )
         k = int(np.searchsorted(self.time, time, side="right")) - 1
+        return self.between(k, k + 1)
+
+    def between(self, first: int, end: int) -> SonarScans:
+        """Return the pings from number `first` to the one before `end`."""
         parts = ("time", "magnitude", "pressure", "detections", "labels", "eta")
-        picked = {p: v[k : k + 1] for p in parts if (v := getattr(self, p)) is not None}
+        picked = {p: v[first:end] for p in parts if (v := getattr(self, p)) is not None}
         return replace(self, **picked)

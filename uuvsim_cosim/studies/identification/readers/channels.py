@@ -25,12 +25,13 @@ from uuvsim_cosim.models.declaration.near_names import expected_names
 from uuvsim_cosim.models.declaration.units import parse_unit, value_conversion
 from uuvsim_cosim.studies.identification.vehicle_log import SIZES, Series, without_repetitions
 
-__all__ = ["NONE", "Channel", "assigned", "channel_of", "in_ned", "read_channels"]
+__all__ = ["NONE", "QUANTITIES", "Channel", "assigned", "channel_of", "in_ned", "read_channels"]
 
 Array = NDArray[np.float64]
 Read = Callable[["Channel"], tuple[Array, Array]]
 _FRAMES = ("ros", "ned")
-_UNITS = {
+# Unit of each quantity that has one.
+QUANTITIES = {
     "attitude": "rad", "rates": "rad/s", "position": "m", "velocity": "m/s", "dvl": "m/s",
     "depth": "m", "range": "m", "voltage": "V", "u": "1", "armed": "1",
 }  # fmt: skip
@@ -46,6 +47,7 @@ class Channel:
     factor: float = 1.0
     offset: float = 0.0
     frame: str | None = None  # ros or ned; None: as usual in the format
+    unit: str | None = None  # of the numbers, as it is assigned
 
     def __str__(self) -> str:
         """Return it as it is assigned."""
@@ -94,11 +96,11 @@ def channel_of(text: str, place: str) -> Channel:
     unit = options.get("unit")
     to_si, zero = (1.0, 0.0) if unit is None else _in_si(name, unit, f"{place} {text}")
     factor, offset = numbers["factor"], numbers["offset"]
-    return Channel(name, where, factor * to_si, factor * zero + offset, frame)
+    return Channel(name, where, factor * to_si, factor * zero + offset, frame, unit)
 
 
 def _in_si(series: str, unit: str, place: str) -> tuple[float, float]:
-    wanted = _UNITS.get(series)
+    wanted = QUANTITIES.get(series)
     if wanted is None:
         raise InputInvalid(place, f"{series} has no unit to choose", "factor and offset")
     try:

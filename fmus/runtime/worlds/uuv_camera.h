@@ -1,0 +1,251 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* Colour image of a scene in water, in linear light.
+ *
+ * A pixel's ray meets a surface at the distance z. The radiance that arrives in channel c is, by D. Akkaynak and
+ * T. Treibitz, A revised underwater image formation model, CVPR 2018,
+ *
+ *     L = rho / pi (E_sun + E_lamps) e^(-beta_D z) + V E0 e^(-K D_camera) (1 - e^(-beta_B z)) + L_lamps,
+ *
+ * where E_sun = E0 e^(-K D) (1 + up) / 2 is the light of a uniform sky on a surface whose normal has the upward part
+ * `up`. A lamp of the intensity I gives I cone cos / d^2 e^(-beta_D d) on the surface. Along the ray, its light is
+ * scattered once, with the phase function p of Henyey and
+ * Greenstein (1941):
+ *
+ *     L_lamps = b integral of p(theta) I cone / d^2 e^(-beta_D (d + s)) ds,  s from 0 to z.
+ *
+ * The integral has the variable t = tan(phi / 2) of the angle phi at the lamp, in which 1 / d^2 is smooth. A pixel
+ * collects N = L * sensitivity electrons on average: Poisson noise, then read noise, gain, rounding to 0 ... 255.
+ *
+ * Double arithmetic, + - * / sqrt and tables alone: bits are equal for every W, compiler and processor.
+ */
+#ifndef UUV_CAMERA_H
+#define UUV_CAMERA_H
+
+#include "uuv_sonar.h"
+
+#define UUV_CAMERA_POINTS 8   /* of the integral along a ray */
+#define UUV_CAMERA_LAMP 11    /* numbers of a lamp */
+#define UUV_CAMERA_OCTAVES 4  /* of the texture */
+enum { UUV_CAMERA_HEAD = 41 };
+
+typedef struct {
+    int rows, columns, lamps, n_moving;
+    double farthest;
+    double texture_size;          /* longest wave of the texture [m] */
+    uint64_t texture_seed;
+    const double *seabed;         /* reflectance by channel (3) */
+    const double *solid;          /* reflectance of each solid, mesh and mover (3 each) */
+    const double *points;         /* [UUV_CAMERA_POINTS]: place from -1 to 1, and weight */
+    const float *normal;          /* [UUV_SONAR_TABLE]: quantiles of the normal distribution */
+} uuv_camera;
+
+typedef double uuv_colour_ __attribute__((vector_size(32))); /* three channels, and one that is not used */
+typedef uint64_t uuv_colour_bits_ __attribute__((vector_size(32)));
+
+/* exp(-x) for 0 <= x; 0 beyond 700. Relative error below 1e-14. */
+static inline uuv_colour_ uuv_decay_(uuv_colour_ x) {
+    union {
+        uuv_colour_ x;
+        uuv_colour_bits_ bits;
+    } u;
+    const uuv_colour_bits_ kept = (uuv_colour_bits_)(x < 700.0);
+    u.x = x;
+    u.bits &= kept;
+    const uuv_colour_ k = (u.x * -0x1.71547652b82fep0 + 0x1.8p52) - 0x1.8p52;
+    const uuv_colour_ r = (-u.x - k * 0x1.62e42fefa38p-1) - k * 0x1.ef35793c7673p-45;
+    uuv_colour_ p = r * (1.0 / 479001600.0) + 1.0 / 39916800.0;
+    p = p * r + 1.0 / 3628800.0;
+    p = p * r + 1.0 / 362880.0;
+    p = p * r + 1.0 / 40320.0;
+    p = p * r + 1.0 / 5040.0;
+    p = p * r + 1.0 / 720.0;
+    p = p * r + 1.0 / 120.0;
+    p = p * r + 1.0 / 24.0;
+    p = p * r + 1.0 / 6.0;
+    p = p * r + 0.5;
+    p = p * r + 1.0;
+    p = p * r + 1.0;
+    u.x = k + (0x1.8p52 + 1023.0);
+    u.bits = (u.bits << 52) & kept;
+    return p * u.x;
+}
+
+static inline uuv_colour_ uuv_colour_of_(const double *x) { return (uuv_colour_){x[0], x[1], x[2], 0.0}; }
+static inline uuv_colour_ uuv_grey_(double x) { return (uuv_colour_){x, x, x, 0.0}; }
+
+/* Radius in the plane at distance 1 of what the lens shows at the radius r: r = u (1 + k1 u^2 + k2 u^4). */
+static inline double uuv_undistorted_(double r, double k1, double k2) {
+    double u = r;
+    for (int i = 0; i < 12; i++) {
+        const double q = u * u;
+        u -= (u * (1.0 + q * (k1 + q * k2)) - r) / (1.0 + q * (3.0 * k1 + q * 5.0 * k2));
+    }
+    return u;
+}
+
+/* Value noise from -1 to 1 at p, in units of its cells. */
+static inline double uuv_noise_(uint64_t seed, double x, double y, double z) {
+    const int64_t i = uuv_floor_(x), j = uuv_floor_(y), k = uuv_floor_(z);
+    const double u = x - (double)i, v = y - (double)j, w = z - (double)k;
+    const double a = u * u * (3.0 - 2.0 * u), b = v * v * (3.0 - 2.0 * v), c = w * w * (3.0 - 2.0 * w);
+    double sum = 0.0;
+    for (int n = 0; n < 8; n++) {
+        const uint64_t h = uuv_mix_(seed + (uint64_t)(i + (n & 1)) * 0xd1342543de82ef95u +
+                                    (uint64_t)(j + (n >> 1 & 1)) * 0xaf251af3b0f025b5u +
+                                    (uint64_t)(k + (n >> 2)) * 0x9fb21c651e98df25u);
+        const double value = (double)(int64_t)(h >> 32) * 0x1p-31 - 1.0;
+        sum += value * (n & 1 ? a : 1.0 - a) * (n >> 1 & 1 ? b : 1.0 - b) * (n >> 2 ? c : 1.0 - c);
+    }
+    return sum;
+}
+
+/* Texture at p, from -1 to 1: octaves whose cells are shorter than `footprint` fade out. */
+static inline double uuv_texture_(const uuv_camera *cam, const double p[3], double footprint) {
+    double sum = 0.0, size = cam->texture_size, weight = 0.5;
+    for (int n = 0; n < UUV_CAMERA_OCTAVES; n++, size *= 0.5, weight *= 0.5) {
+        const double clear = size / footprint - 1.0;
+        if (!(clear > 0.0)) break;
+        const double share = clear < 1.0 ? clear : 1.0, per = 1.0 / size;
+        sum += weight * share * uuv_noise_(cam->texture_seed + (uint64_t)n, p[0] * per, p[1] * per, p[2] * per);
+    }
+    return sum;
+}
+
+/* Share of a lamp's intensity in a direction: 1 within its inner cone, 0 outside its outer one. */
+static inline double uuv_cone_(const double *lamp, double cosine) {
+    const double share = (cosine - lamp[10]) / (lamp[9] - lamp[10]);
+    return share < 0.0 ? 0.0 : share > 1.0 ? 1.0 : share;
+}
+
+/* Light of a lamp that water scatters into the ray from o along the unit vector d, up to the distance z. */
+static inline uuv_colour_ uuv_lamp_veil_(const uuv_camera *cam, const double *lamp, const double o[3],
+                                         const double d[3], double z, uuv_colour_ beta, double g) {
+    double to[3];
+    for (int k = 0; k < 3; k++) to[k] = lamp[k] - o[k];
+    const double s0 = uuv_dot_(to, d), square = uuv_dot_(to, to) - s0 * s0;
+    const double h = uuv_root_(square > 1e-4 ? square : 1e-4); /* a lamp has a radius of 1 cm */
+    const double low = -s0 / h, high = (z - s0) / h;
+    const double t0 = low / (1.0 + uuv_root_(1.0 + low * low)), t1 = high / (1.0 + uuv_root_(1.0 + high * high));
+    const double middle = 0.5 * (t0 + t1), half = 0.5 * (t1 - t0);
+    uuv_colour_ sum = uuv_grey_(0.0);
+    for (int n = 0; n < UUV_CAMERA_POINTS; n++) {
+        const double t = middle + half * cam->points[2 * n], tau = 2.0 * t / (1.0 - t * t);
+        const double s = s0 + h * tau, distance = h * uuv_root_(1.0 + tau * tau);
+        double along = 0.0; /* from the lamp to the point, on its axis; on the ray */
+        for (int k = 0; k < 3; k++) along += (s * d[k] - to[k]) * lamp[3 + k];
+        const double cosine = -h * tau / distance; /* of the scattering angle: between lamp's light and -d */
+        const double q = 1.0 + g * g - 2.0 * g * cosine;
+        const double phase = (1.0 - g * g) / (0x1.921fb54442d18p3 * q * uuv_root_(q));
+        const double weight = cam->points[2 * n + 1] * half * 2.0 / (1.0 + t * t) / h;
+        sum += weight * phase * uuv_cone_(lamp, along / distance) * uuv_decay_(beta * (distance + s));
+    }
+    return sum * uuv_colour_of_(lamp + 6);
+}
+
+/* Electrons of a pixel, with noise. */
+static inline double uuv_electrons_(const uuv_camera *cam, double mean, double read, uint64_t draw) {
+    const uint64_t h = uuv_mix_(draw);
+    double n = 0.0, variance = read * read + mean;
+    if (mean < 32.0) { /* Poisson, by its cumulative distribution */
+        const double u = (double)(int64_t)(h >> 12) * 0x1p-52;
+        double p = uuv_decay_(uuv_grey_(mean))[0], sum = p;
+        while (u >= sum && n < 200.0) sum += p *= mean / (n += 1.0);
+        variance = read * read;
+    } else {
+        n = mean;
+    }
+    const double w = cam->normal[uuv_mix_(h) & (UUV_SONAR_TABLE - 1)];
+    return n + uuv_root_(variance) * w;
+}
+
+/* x: origin (3), rotation from camera axes row by row (9), focal length, k1, k2 [pixels, 1, 1], beta_D (3),
+ * beta_B (3), K (3), light of the sun at the surface (3), V (3), b of lamps (3), g, contrast of the texture,
+ * sensitivity, read noise, gain (grey levels an electron), noise on, two draws; the
+ * lamps: place (3), axis (3), intensity (3), cosines of the inner and the outer half angle; the moving.
+ * seen: [rows][columns][3] grey levels 0 ... 255; radiance, depth, label: the same, or [rows][columns], unless 0. */
+static inline void uuv_camera_image(const uuv_scene *scene, const uuv_camera *cam, const double *x, float *seen,
+                                    double *radiance, float *depth, uint16_t *label, double *summary) {
+    uuv_solid moving[UUV_MOVERS];
+    const double *R = x + 3, *lamps = x + UUV_CAMERA_HEAD;
+    const int there = uuv_movers_(lamps + UUV_CAMERA_LAMP * cam->lamps, cam->n_moving, moving);
+    const double f = x[12], k1 = x[13], k2 = x[14];
+    const uuv_colour_ direct = uuv_colour_of_(x + 15), back = uuv_colour_of_(x + 18), down = uuv_colour_of_(x + 21);
+    const uuv_colour_ sun = uuv_colour_of_(x + 24), scatter = uuv_colour_of_(x + 30);
+    const uuv_colour_ veil = uuv_colour_of_(x + 27) * sun * uuv_decay_(down * (x[2] > 0.0 ? x[2] : 0.0));
+    const double g = x[33], contrast = x[34], sensitivity = x[35], read = x[36], gain = x[37];
+    union {
+        float x[2];
+        uint64_t bits;
+    } key = {{(float)x[39], (float)x[40]}};
+    const uint64_t draw = uuv_mix_(key.bits);
+    double total = 0.0, full = 0.0, met = 0.0;
+    for (int i = 0; i < cam->rows; i++)
+        for (int j = 0; j < cam->columns; j++) {
+            const int64_t pixel = (int64_t)i * cam->columns + j;
+            double a[3] = {(j + 0.5 - 0.5 * cam->columns) / f, (i + 0.5 - 0.5 * cam->rows) / f, 1.0};
+            if (k1 != 0.0 || k2 != 0.0) {
+                const double r = uuv_root_(a[0] * a[0] + a[1] * a[1]);
+                const double scale = r > 0.0 ? uuv_undistorted_(r, k1, k2) / r : 1.0;
+                a[0] *= scale;
+                a[1] *= scale;
+            }
+            const double size = uuv_root_(uuv_dot_(a, a)), axial = 1.0 / size;
+            for (int k = 0; k < 3; k++) a[k] *= axial;
+            const double d[3] = {uuv_dot_(R, a), uuv_dot_(R + 3, a), uuv_dot_(R + 6, a)};
+            uuv_hit hit = {0.0, {0.0, 0.0, 0.0}, UUV_HIT_NONE};
+            const int wet = x[2] >= 0.0;
+            if (wet) uuv_cast(scene, moving, there, x, d, cam->farthest, &hit);
+            const double into = -uuv_dot_(hit.n, d);
+            const int surface = (hit.kind == UUV_HIT_SEABED || hit.kind >= UUV_HIT_SOLID) && into > 0.0;
+            const double z = surface ? hit.t : hit.kind == UUV_HIT_BELOW ? 0.0 : cam->farthest;
+            uuv_colour_ light = uuv_grey_(0.0);
+            if (surface) {
+                double p[3];
+                for (int k = 0; k < 3; k++) p[k] = x[k] + z * d[k];
+                const double under = p[2] > 0.0 ? p[2] : 0.0;
+                uuv_colour_ on = sun * (0.5 * (1.0 - hit.n[2])) * uuv_decay_(down * under);
+                for (int n = 0; n < cam->lamps; n++) {
+                    const double *lamp = lamps + UUV_CAMERA_LAMP * n;
+                    const double from[3] = {p[0] - lamp[0], p[1] - lamp[1], p[2] - lamp[2]};
+                    const double square = uuv_dot_(from, from), distance = uuv_root_(square > 1e-4 ? square : 1e-4);
+                    const double facing = -uuv_dot_(from, hit.n) / distance;
+                    if (!(facing > 0.0)) continue;
+                    const double share = uuv_cone_(lamp, uuv_dot_(from, lamp + 3) / distance);
+                    if (!(share > 0.0)) continue;
+                    on += facing * share / (distance * distance) * uuv_colour_of_(lamp + 6) *
+                          uuv_decay_(direct * distance);
+                }
+                const double *rho = hit.kind == UUV_HIT_SEABED ? cam->seabed
+                                                                : cam->solid + 3 * (hit.kind - UUV_HIT_SOLID);
+                double shade = 1.0;
+                if (contrast > 0.0) shade += contrast * uuv_texture_(cam, p, z / (f * (into > 0.1 ? into : 0.1)));
+                light = (0x1.45f306dc9c883p-2 * shade) * uuv_colour_of_(rho) * on * uuv_decay_(direct * z);
+                met += 1.0;
+            }
+            if (wet && z > 0.0) {
+                light += veil * (1.0 - uuv_decay_(back * z));
+                for (int n = 0; n < cam->lamps; n++)
+                    light += scatter * uuv_lamp_veil_(cam, lamps + UUV_CAMERA_LAMP * n, x, d, z, direct, g);
+            }
+            for (int c = 0; c < 3; c++) {
+                double electrons = light[c] * sensitivity;
+                if (x[38] > 0.0)
+                    electrons = uuv_electrons_(cam, electrons, read,
+                                               draw + (uint64_t)(3 * pixel + c) * 0x9e3779b97f4a7c15u);
+                const double grey = electrons * gain;
+                const double level = grey < 255.0 ? (grey > 0.0 ? (double)(int)(grey + 0.5) : 0.0) : 255.0;
+                seen[3 * pixel + c] = (float)level;
+                if (radiance) radiance[3 * pixel + c] = light[c];
+                total += level;
+                full += level >= 255.0;
+            }
+            if (depth) depth[pixel] = surface ? (float)(z * axial) : 0.0f;
+            if (label)
+                label[pixel] = (uint16_t)(!surface ? 0 : hit.kind == UUV_HIT_SEABED ? 1 : hit.kind - UUV_HIT_SOLID + 2);
+        }
+    summary[0] = total / (3.0 * cam->rows * cam->columns);
+    summary[1] = full / (3.0 * cam->rows * cam->columns);
+    summary[2] = met;
+}
+
+#endif
