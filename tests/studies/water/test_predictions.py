@@ -11,6 +11,7 @@ import pytest
 from uuvsim_cosim.orchestrator.recording.signals import Signals
 from uuvsim_cosim.orchestrator.running.run import run
 from uuvsim_cosim.orchestrator.system.system import System
+from uuvsim_cosim.studies.water import model_predictions
 from uuvsim_cosim.studies.water.model_predictions import Predictor
 
 AT = np.array([80, 120])
@@ -59,3 +60,16 @@ def test_a_parameter_that_drifts_is_estimated_with_the_state() -> None:
         found = predictor.predict(AT, 50)[:, -1, 2]
         errors.append(np.abs(found - predictor.grid.y[2, AT + 50]).max())
     assert errors[1] < 0.2 * errors[0]
+
+
+def test_a_damping_too_strong_for_the_step_is_integrated_in_shorter_steps(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    damped = SYSTEM.set("hull.D_q_33", 8_000.0)
+    far = []
+    for shorter in ((1,), model_predictions._SHORTER):
+        monkeypatch.setattr(model_predictions, "_SHORTER", shorter)
+        predictor = Predictor(damped, "hull", recording(), 0.1, (0.0, 30.0))
+        found = predictor.predict(AT, 50)
+        far.append(not np.abs(found).max() < 100.0)
+    assert far == [True, False]

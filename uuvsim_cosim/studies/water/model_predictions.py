@@ -33,6 +33,7 @@ _NOISE = np.array([0.02] * 3 + [0.01] * 3 + [0.02] * 3 + [0.02] * 3)
 _GUESS = {"p": 1.0, "q_nb": 0.3, "nu_b": np.array([0.2] * 3 + [0.3] * 3)}
 _OTHERS = 10.0
 _ITERATIONS = 5
+_SHORTER, _FAR = (1, 4, 16), 1e3  # of a step; m, rad, m/s and rad/s
 
 
 @final
@@ -76,13 +77,27 @@ class Predictor:
     def predict(self, at: NDArray[np.int64], steps: int) -> Array:
         """Return predictions (len(at), steps + 1, 12) from the points `at` on."""
         with np.errstate(over="ignore", invalid="ignore"):
-            found = []
-            for k in at.tolist():
-                if k not in self._estimates:
+            return np.stack([self._free(k, steps) for k in at.tolist()])
+
+    def _free(self, k: int, steps: int) -> Array:
+        """Return the free motion (steps + 1, 12) from a point on.
+
+        Strong damping makes long steps of Runge-Kutta unstable: a motion beyond all bounds is
+        computed again in shorter ones.
+        """
+        usual = self._windows.pieces
+        try:
+            for shorter in _SHORTER:
+                self._windows.pieces = shorter * usual
+                if k not in self._estimates or shorter > 1:
                     self._estimates[k] = self._estimate(k)
                 x, theta = self._estimates[k]
-                found.append(self._from(k, steps)(x[None], theta)[0][0])
-        return np.stack(found)
+                y: Array = self._from(k, steps)(x[None], theta)[0][0]
+                if np.abs(y).max() < _FAR:  # not if it is NaN
+                    break
+        finally:
+            self._windows.pieces = usual
+        return y
 
     def _from(self, first: int, steps: int) -> Windows:
         """Return the kernel with the inputs of a window."""
