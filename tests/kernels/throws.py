@@ -126,7 +126,7 @@ def places(scene: Scene, hull: Hull, x: Array, *, every: bool = False) -> Array:
 
 
 def _hull(scene: Scene, hull: Hull) -> _Hull:
-    at, three = ctypes.addressof(_caster(scene)._scene), ctypes.c_double * 3
+    at, three = ctypes.addressof(_caster(scene).scene), ctypes.c_double * 3
     shape = three(*hull.middle), three(*hull.half), hull.n, hull.radius
     return _Hull(at, None, None, None, *shape)
 

@@ -92,7 +92,7 @@ def cast(c: ctypes.CDLL, by: Caster, o: Array, d: Array, far: float, way: int) -
     o, d = np.ascontiguousarray(o, float), np.ascontiguousarray(d, float)
     t, kind, normal = np.empty(len(d)), np.empty(len(d), np.int32), np.empty((len(d), 3))
     c.cast(
-        ctypes.byref(by._scene), way, o.ctypes.data, d.ctypes.data, far, len(d),
+        ctypes.byref(by.scene), way, o.ctypes.data, d.ctypes.data, far, len(d),
         t.ctypes.data, kind.ctypes.data, normal.ctypes.data,
     )  # fmt: skip
     return t, kind, normal
@@ -103,7 +103,7 @@ def with_tree(by: Caster, tree: Tree) -> None:
     nodes = np.zeros(len(tree.children), by._nodes.dtype)
     nodes["box"], nodes["child"] = tree.boxes, tree.children
     by._nodes = nodes
-    by._scene.tree.node, by._scene.tree.n_nodes = nodes.ctypes.data, len(nodes)
+    by.scene.tree.node, by.scene.tree.n_nodes = nodes.ctypes.data, len(nodes)
 
 
 def shuffled(tree: Tree, rng: np.random.Generator) -> Tree:
@@ -316,7 +316,7 @@ def test_all_parts_whose_boxes_meet_a_box_are_found_in_order(
     low = np.ascontiguousarray(rng.uniform(-20, 18, 3))
     high = np.ascontiguousarray(low + rng.uniform(0, 6, 3))
     found = np.empty(len(triangles) + n, np.int32)
-    count = c.parts(ctypes.byref(by._scene), low.ctypes.data, high.ctypes.data,
+    count = c.parts(ctypes.byref(by.scene), low.ctypes.data, high.ctypes.data,
                     found.ctypes.data, len(found))  # fmt: skip
     found = found[:count]
     inside = (triangles.min(1) <= high).all(1) & (triangles.max(1) >= low).all(1)
@@ -326,7 +326,7 @@ def test_all_parts_whose_boxes_meet_a_box_are_found_in_order(
     assert set(found[found >= n].tolist()) <= set(n + np.flatnonzero(near))
     few = np.empty(3, np.int32)
     assert count == c.parts(
-        ctypes.byref(by._scene), low.ctypes.data, high.ctypes.data, few.ctypes.data, 3
+        ctypes.byref(by.scene), low.ctypes.data, high.ctypes.data, few.ctypes.data, 3
     )
     np.testing.assert_array_equal(few[:count], found[:3])
 
@@ -365,5 +365,5 @@ def test_numbers_count_solids_then_meshes_then_what_moves(c: ctypes.CDLL, tmp_pa
 
 def test_a_scene_without_parts_has_no_tree() -> None:
     by = Caster(Terrain(np.full((3, 3), 9.0, np.float32), 1.0, (0.0, 0.0)))
-    assert by._scene.tree.n_nodes == 0
+    assert by.scene.tree.n_nodes == 0
     assert by.cast((1.0, 1.0, 10.0), [(0, 0, 1)])[1][0] == NOTHING

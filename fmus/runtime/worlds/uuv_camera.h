@@ -6,10 +6,9 @@
  *
  *     L = rho / pi (E_sun + E_lamps) e^(-beta_D z) + V E0 e^(-K D_camera) (1 - e^(-beta_B z)) + L_lamps,
  *
- * where E_sun = E0 e^(-K D) (1 + up) / 2 is the light of a uniform sky on a surface whose normal has the upward part
- * `up`. A lamp of the intensity I gives I cone cos / d^2 e^(-beta_D d) on the surface. Along the ray, its light is
- * scattered once, with the phase function p of Henyey and
- * Greenstein (1941):
+ * where E_sun = E0 e^(-K D) (1 + up) / 2 is the light of a uniform sky on a surface whose normal has the
+ * upward part `up`. A lamp of the intensity I gives I cone cos / d^2 e^(-beta_D d) on the surface. Along
+ * the ray, its light is scattered once, with the phase function p of Henyey and Greenstein (1941):
  *
  *     L_lamps = b integral of p(theta) I cone / d^2 e^(-beta_D (d + s)) ds,  s from 0 to z.
  *

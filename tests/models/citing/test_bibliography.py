@@ -52,7 +52,9 @@ def test_a_citation_without_an_entry_would_be_found() -> None:
 
 def test_every_entry_is_cited() -> None:
     known = bibliography()
-    texts = [(f.read_text("utf-8"), f.relative_to(content()).as_posix()) for f in FILES]
+    others = [*content("models", "recordings").glob("*/recording.yaml")]
+    others += content("fmus", "runtime", "worlds").glob("*.h")
+    texts = [(f.read_text("utf-8"), f.relative_to(content()).as_posix()) for f in FILES + others]
     for target in DECLARED.values():
         texts += [(c.text, c.place) for c in equations_of(*target.split(":"))]
     modules = ["declaration.philox"]
