@@ -7,7 +7,7 @@
 #ifndef UUV_LANE_EXCHANGE_H
 #define UUV_LANE_EXCHANGE_H
 
-enum { UUV_TOGETHER = 32 }; /* blocks of which all rows are copied before those of the others */
+enum { UUV_ROWS_TOGETHER = 32 }; /* blocks of which all rows are copied before those of the others */
 
 static inline uuv_doubles doubles_of(const V *x) {
 #if defined(UUV_FLOAT32) && UUV_W > 1
@@ -20,8 +20,8 @@ static inline uuv_doubles doubles_of(const V *x) {
 UUV_KERNEL_API void uuv_kernel_gather(char *const *first, const int64_t *stride, uint64_t n_rows,
                                       double *rows, uint64_t n) {
     const uint64_t n_blocks = n / UUV_W;
-    for (uint64_t begin = 0; begin < n_blocks; begin += UUV_TOGETHER) {
-        const uint64_t end = begin + UUV_TOGETHER < n_blocks ? begin + UUV_TOGETHER : n_blocks;
+    for (uint64_t begin = 0; begin < n_blocks; begin += UUV_ROWS_TOGETHER) {
+        const uint64_t end = begin + UUV_ROWS_TOGETHER < n_blocks ? begin + UUV_ROWS_TOGETHER : n_blocks;
         for (uint64_t k = 0; k < n_rows; k++)
             for (uint64_t i = begin; i < end; i++) {
                 const void *cell = first[k] + (int64_t)i * stride[k];

@@ -31,6 +31,12 @@ def table(folder: Path, angle: str, times: str = "{:.1f}") -> Path:
     return path
 
 
+def percent(path: Path) -> Path:
+    """Write the commands of a table in percent."""
+    path.write_text(path.read_text().replace(",0.1", ",10"))
+    return path
+
+
 BAD: dict[str, tuple[Made, str]] = {
     "truncated CSV": (
         lambda d: cut(table(d, "0"), 1000), r"dive\.csv:\d+: \d+ values; expected 14",
@@ -63,6 +69,9 @@ BAD: dict[str, tuple[Made, str]] = {
     ),
     "angles in degrees": (
         lambda d: table(d, "20"), "pitch reaches 20 at .*as if it were in degrees",
+    ),
+    "commands in percent": (
+        lambda d: percent(table(d, "0")), r"u\[1\] is 10 at 0.000 s; expected commands from -1",
     ),
     "another vehicle": (
         lambda d: dataflash(d / "1.BIN"),

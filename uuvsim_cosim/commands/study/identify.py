@@ -219,8 +219,6 @@ def identify_command(
             if saved.file.name == "parameters.yaml":  # gains of other sets are refused with it
                 vehicle = saved.source.removeprefix("model:")
                 line(f"fly it with  uuvsim run hold --vehicle {for_shell(vehicle)}")
-    if not found.converged:
-        remark("note", f"the fit ended after {found.iterations} iterations: {found.status}")
 
 
 def _show(found: Identified) -> None:
@@ -228,6 +226,9 @@ def _show(found: Identified) -> None:
         f"{found.recording}: {found.samples} samples of {found.seconds:.4g} s, "
         f"step {found.step:.4g} s, {found.iterations} iterations"
     )
+    if not found.converged:
+        reached = f"{found.iterations} iterations, {found.status}"
+        remark("warning", f"the fit did not converge ({reached}): these are its best values so far")
     table(
         ("parameter", "value", "± (95 %)", "began at", "unit"),
         [

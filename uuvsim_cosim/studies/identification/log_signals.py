@@ -53,6 +53,8 @@ def signals_of_log(log: VehicleLog) -> Signals:
         remarks += motors.remarks
         vehicle, frame = motors.vehicle, motors.frame
         commands = Series(commands.t, motors.commands(commands.values))
+    if name == "u":
+        _check_commands(log.path, commands)
     between = float(np.median(np.diff(commands.t))) if len(commands.t) > 1 else 0.0
     if between >= _SLOW:
         remarks.append(
@@ -124,6 +126,19 @@ def _complete(log: VehicleLog) -> None:
         there = ", ".join(sorted(log.series)) or "nothing of use"
         more = "".join(f"; {r}" for r in log.remarks if " that are not read: " in r)
         raise InputInvalid(f"{log.path}: lacks {' and '.join(lacking)}; it has {there}{more}")
+
+
+def _check_commands(path: Path, commands: Series) -> None:
+    """Refuse commands that are no shares of the full command, such as percent."""
+    size = np.abs(np.nan_to_num(commands.values))
+    if size.max(initial=0.0) <= 1.0 + 1e-6:
+        return
+    row, column = np.unravel_index(int(size.argmax()), size.shape)
+    raise InputInvalid(
+        path,
+        f"u[{column + 1}] is {commands.values[row, column]:.4g} at {commands.t[row]:.3f} s",
+        "commands from -1 to 1, such as 0.37 for 37 percent; pulses are pwm",
+    )
 
 
 def _check_angles(path: Path, series: Mapping[str, Series]) -> None:
