@@ -84,15 +84,15 @@ def test_a_csv_with_quantities_of_a_vehicle_is_read_as_a_log(tmp_path: Path) -> 
 def test_columns_of_a_csv_are_assigned_with_units(tmp_path: Path) -> None:
     path = tmp_path / "a.csv"
     path.write_text("t,roll,pitch,yaw,alt,pwm1,pwm2\n" + rows(60, "0,10,90,-5,1900,1300"))
-    channels = read_channels([
-        "attitude=roll,pitch,yaw?unit=deg", "depth=alt?factor=-1",
-        "u=pwm1,pwm2?factor=0.0025&offset=-3.75",
-    ])  # fmt: skip
+    channels_of_pulses = "u=pwm1,pwm2?factor=0.0025&offset=-3.75"
+    channels = read_channels(
+        ["attitude=roll,pitch,yaw?unit=deg", "depth=alt?factor=-1", channels_of_pulses]
+    )
     signals = read_log(path, None, channels)
     assert signals["eta"][0, 2:].tolist() == pytest.approx([5, 0, pi / 18, pi / 2])
     assert signals["u"][0].tolist() == pytest.approx([1.0, -0.5])
     with pytest.raises(InputInvalid, match=r"pitch reaches 10 at 0.000 s, as if it were in deg"):
-        read_log(path, None, read_channels(["attitude=roll,pitch,yaw", "u=pwm1,pwm2"]))
+        read_log(path, None, read_channels(["attitude=roll,pitch,yaw", channels_of_pulses]))
     with pytest.raises(InputInvalid, match=r"--channel depth=deep: no column 'deep'; expected"):
         read_log(path, None, read_channels(["depth=deep"]))
 

@@ -132,7 +132,7 @@ def test_channels_assign_topics_fields_units_and_frames(tmp_path: Path) -> None:
     assert mean(signals["eta"])[2:] == pytest.approx([7.0, 0.0, pi / 36, pi / 2])
     assert mean(signals["u"]) == pytest.approx([1.0, -0.5])
     # In the frames of ROS, pitch and yaw have other signs and another zero.
-    ros = read_channels(["attitude=/ahrs:data?unit=deg", "u=/pwm"])
+    ros = read_channels(["attitude=/ahrs:data?unit=deg", "u=/pwm?factor=0.0025&offset=-3.75"])
     assert mean(read_log(path, None, ros)["eta"])[3:] == pytest.approx([0, -pi / 36, 0], abs=1e-9)
 
 
