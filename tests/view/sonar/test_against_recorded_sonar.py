@@ -63,7 +63,7 @@ def test_means_of_two_cells_have_the_speckle_of_the_recorded_sonar(
     recorded = RECORDED[patch]
     assert found.variation == pytest.approx(recorded.variation, rel=0.10)
     assert found.contrast == pytest.approx(recorded.contrast, rel=0.05)
-    assert found.exceedance == pytest.approx(recorded.exceedance, abs=0.008)
+    assert found.exceedance == pytest.approx(recorded.exceedance, abs=0.01)
 
 
 def test_a_level_that_falls_with_range_does_not_count_as_speckle() -> None:
