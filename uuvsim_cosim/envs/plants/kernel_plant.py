@@ -71,7 +71,7 @@ class KernelPlant:
 
     def step(self, ticks: int) -> None:
         """Make communication steps in all copies."""
-        self._any_failed = self._batch.step(ticks, check=False)  # failures do not raise
+        self._any_failed = self._batch.advance(ticks)  # failures do not raise
 
     def reset(
         self, mask: NDArray[np.bool_], seeds: Seeds, start: Mapping[str, NDArray[np.generic]]

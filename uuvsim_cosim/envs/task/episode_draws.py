@@ -33,6 +33,7 @@ class Draws:
     `seeds` are whole numbers modulo 2^64, and `episodes` count from 0; both have the shape (n,). A
     task receives such draws in its method `start`. The `name` of a draw makes it independent of
     other draws: "start", "start/2" for a second try. The same name gives the same numbers again.
+    `asked` are the draws of earlier episodes, which few episodes make together.
 
     Example:
 

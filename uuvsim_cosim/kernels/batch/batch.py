@@ -51,7 +51,9 @@ class Batch(Closing):
     >>> batch.variables["hull.tau"].element_units[0], batch.cells.shape[0]
     ('N', 1)
     >>> batch.set("hull.tau", np.outer([10.0, 20.0, 30.0], [1, 0, 0, 0, 0, 0]))
-    >>> batch.step(100)
+    >>> batch.step(99)
+    >>> batch.advance(1)  # a step without a check: whether any environment has failed
+    False
     >>> batch.get("hull.eta")[:, 0].round(3)  # position N [m]
     array([0.098, 0.192, 0.282])
     >>> batch.tick, batch.failed, batch.failure(0)
@@ -173,13 +175,18 @@ class Batch(Closing):
         if check and any(failed):
             self._check()
 
-    def step(self, n: int = 1, *, check: bool = True) -> bool:
-        """Make `n` communication steps in all environments; return whether any is in `failed`.
+    def step(self, n: int = 1, *, check: bool = True) -> None:
+        """Make `n` communication steps in all environments.
 
         Raises ComponentFailed once for environments that fail, after all have made their n steps.
         The values of those in `failed` are not valid until they are reset. Without `check` nothing
         is raised.
         """
+        if self.advance(n) and check:
+            self._check()
+
+    def advance(self, n: int = 1) -> bool:
+        """Make `n` steps as `step` does without a check; return whether any is in `failed`."""
         if n < 0:
             raise InputInvalid(f"{n} steps", "0 or more")
         c, memory, own, parts = self.kernel.c, self._address, self._sharing.address, self._parts
@@ -196,8 +203,6 @@ class Batch(Closing):
             failed = bool(c.uuv_kernel_step(memory, own, 0, self._n_blocks, n))
         else:
             failed = any(self._each(lambda _, a, b: c.uuv_kernel_step(memory, own, a, b, n)))
-        if failed and check:
-            self._check()
         return failed
 
     @property
