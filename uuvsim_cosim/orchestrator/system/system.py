@@ -60,7 +60,8 @@ class System(Structure):
     (see `with_mismatches`), `variable_step` a step that follows the coupling (see
     `with_variable_step`), `events` whether FMUs use Event Mode (see `with_events`), `base` the
     folder of relative files of sources, and `remarks` are about the file from which the system was
-    read. A path such as ``port.motor`` leads to the component ``motor`` of the nested system ``port``.
+    read. A path such as ``port.motor`` leads to the component ``motor`` of the nested system
+    ``port``.
 
     Methods raise SystemInvalid, with every problem, if the result would not be valid.
 
