@@ -54,11 +54,11 @@ def test_rows_that_are_written_are_the_inputs(n: int, dtype: Any) -> None:
 
 def test_a_step_returns_whether_an_environment_has_failed() -> None:
     batch = uuv.fuse(system()).batch(20)
-    assert batch.step(1) is False
+    assert batch.advance(1) is False
     batch.set("hull.tau", np.full(6, 1e308), np.arange(20) == 13)
-    assert batch.step(3, check=False) is True
-    assert batch.step(1, check=False) is True
+    assert batch.advance(3) is True
+    assert batch.advance(1) is True
     assert np.flatnonzero(batch.failed).tolist() == [13]
     batch.reset()
-    assert batch.step(1) is False
+    assert batch.advance(1) is False
     batch.close()
