@@ -136,7 +136,7 @@ def test_only_noise_is_no_range(hills: str) -> None:
         ({"beams": 1}, "1 beams of width"),
         ({"beams": 100_000, "bins": 1}, "at most 8192"),
         ({"columns": 40_000, "rays": 1}, "at most 8192 columns"),
-        ({"rays": 100_000_000}, "1000000 rays of a ping"),
+        ({"rays": 100_000_000}, "2000000 rays of a ping"),
         ({"law": "apl_uw"}, "900000 Hz"),
         ({"law": "newton"}, "auto, apl_uw, lambert"),
         ({"absorption": "none"}, "francois_garrison, ainslie_mccolm"),

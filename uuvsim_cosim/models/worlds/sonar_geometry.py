@@ -41,7 +41,7 @@ LEAST_WEIGHT = 1e-3  # a pattern below it is left out: -60 dB
 LOBES = 3  # of the response of the matched filter, to each side
 FINEST = 4  # range cells within the resolution
 MOST_COLUMNS = 8192  # of rays, and beams
-MOST_RAYS = 1_000_000  # of a ping
+MOST_RAYS = 2_000_000  # of a ping
 
 TURNS = np.array(
     [[cos(2 * pi * (i + 0.5) / TABLE), sin(2 * pi * (i + 0.5) / TABLE)] for i in range(TABLE)],
