@@ -17,6 +17,7 @@
 
 #include "fmi2FunctionTypes.h"
 #include "fmi3FunctionTypes.h"
+#include "uuv_whole_steps.h"
 
 enum { LONGEST_PATH = 4096, LONGEST_WORDS = 480 };
 
@@ -358,24 +359,13 @@ const char *uuv_failure(const uuv_instance *s) {
 /* ---- steps ------------------------------------------------------------------------------- */
 
 static int64_t steps_to(const container *x, double time) {
-    const double ticks = (time - x->start_time) * (double)tick_den / (double)tick_num;
-    const double slack = 1e-6 + 1e-9 * (ticks + 1.0);
-    if (!(ticks > -0.5 && ticks < 4e15)) return -1;
-    const int64_t n = (int64_t)(ticks + 0.5);
-    const double off = ticks - (double)n;
-    return off <= slack && -off <= slack ? n : -1;
+    return whole_point(time - x->start_time, (double)tick_num, (double)tick_den);
 }
 
 const char *uuv_step_refused(uuv_instance *s, double t, double h) {
     container *x = (container *)s;
-    const double tick = (double)tick_num / (double)tick_den;
-    const int64_t end = steps_to(x, t + h);
-    const double off = h - (double)(end - x->made) * tick;
-    if (end >= x->made && off <= 1e-5 * tick && -off <= 1e-5 * tick) return NULL;
-    snprintf(x->refused, sizeof x->refused,
-             "communicationStepSize is %.9g s, from %.9g s on; expected a whole multiple of the "
-             "system's communication step, %.9g s", h, t, tick);
-    return x->refused;
+    return whole_refused(x->refused, sizeof x->refused, x->made,
+                         steps_to(x, t + h), t, h, (double)tick_num / (double)tick_den);
 }
 
 UUV_EXPORT int32_t uuv_do_step(uuv_instance *s, double t, double h) {

@@ -12,6 +12,8 @@
 #include <stdio.h>
 #include <stdlib.h>
 
+#include "uuv_whole_steps.h"
+
 typedef struct {
     uuv_instance head; /* what the shells know */
     V *m;              /* the kernel's cells */
@@ -138,24 +140,13 @@ const char *uuv_failure(const uuv_instance *s) {
 
 /* Which communication point of the system a time is; -1: none. */
 static int64_t point_of(const whole *w, double time) {
-    const double ticks = (time - w->start_time) * (double)tick_den / (double)tick_num;
-    const double slack = 1e-6 + 1e-9 * (ticks + 1.0);
-    if (!(ticks > -0.5 && ticks < 4e15)) return -1;
-    const int64_t n = (int64_t)(ticks + 0.5);
-    const double off = ticks - (double)n;
-    return off <= slack && -off <= slack ? n : -1;
+    return whole_point(time - w->start_time, (double)tick_num, (double)tick_den);
 }
 
 const char *uuv_step_refused(uuv_instance *s, double t, double h) {
     whole *w = (whole *)s;
-    const double tick = (double)tick_num / (double)tick_den;
-    const int64_t now = (int64_t)*lane_words(w->m, WORD_TICK), end = point_of(w, t + h);
-    const double off = h - (double)(end - now) * tick;
-    if (end >= now && off <= 1e-5 * tick && -off <= 1e-5 * tick) return NULL;
-    snprintf(w->refused, sizeof w->refused,
-             "communicationStepSize is %.9g s, from %.9g s on; expected a whole multiple of the "
-             "system's communication step, %.9g s", h, t, tick);
-    return w->refused;
+    return whole_refused(w->refused, sizeof w->refused, (int64_t)*lane_words(w->m, WORD_TICK),
+                         point_of(w, t + h), t, h, (double)tick_num / (double)tick_den);
 }
 
 UUV_EXPORT int32_t uuv_do_step(uuv_instance *s, double t, double h) {

@@ -38,17 +38,27 @@ static int fmi3_set(member *m, const uuv_slot *slots, uuv_failure *why) {
     return 1;
 }
 
-static int fmi3_do_step(member *m, const uuv_slot *slots, double t, double h, uuv_failure *why) {
-    fmi3Boolean event = fmi3False, terminate = fmi3False, early = fmi3False;
-    fmi3Float64 reached = t + h;
-    (void)slots;
+/* What a component says of its step. */
+typedef struct {
+    fmi3Boolean event, terminate, early;
+    fmi3Float64 reached;
+    fmi3Status status;
+} step_answer;
+
+static int make_step(member *m, double t, double h, step_answer *a, uuv_failure *why) {
+    *a = (step_answer){.reached = t + h};
     calling(m, "fmi3DoStep", "");
-    const fmi3Status status = ((fmi3DoStepTYPE *)m->do_step)(m->instance, t, h, never_goes_back(m),
-                                                             &event, &terminate, &early, &reached);
-    if (!accept(status, UUV_CORE_DO_STEP, why)) return 0;
-    if (terminate) return failed(why, UUV_CORE_ENDED, is_whole(t, h, reached), UUV_CORE_DO_STEP);
-    if (early) return failed(why, UUV_CORE_EARLY_RETURN, (int)status, UUV_CORE_DO_STEP);
-    return 1;
+    a->status = ((fmi3DoStepTYPE *)m->do_step)(m->instance, t, h, never_goes_back(m), &a->event, &a->terminate,
+                                               &a->early, &a->reached);
+    if (!accept(a->status, UUV_CORE_DO_STEP, why)) return 0;
+    return !a->terminate || failed(why, UUV_CORE_ENDED, is_whole(t, h, a->reached), UUV_CORE_DO_STEP);
+}
+
+static int fmi3_do_step(member *m, const uuv_slot *slots, double t, double h, uuv_failure *why) {
+    step_answer a;
+    (void)slots;
+    if (!make_step(m, t, h, &a, why)) return 0;
+    return !a.early || failed(why, UUV_CORE_EARLY_RETURN, (int)a.status, UUV_CORE_DO_STEP);
 }
 
 static int fmi3_get(member *m, uuv_slot *slots, uuv_failure *why) {
@@ -67,17 +77,12 @@ const kind kind_fmi3 = {fmi3_set, fmi3_do_step, fmi3_get};
 /* ---- with Event Mode ---------------------------------------------------------------------- */
 
 static int fmi3_step_to_event(member *m, const uuv_slot *slots, double t, double h, uuv_failure *why) {
-    fmi3Boolean event = fmi3False, terminate = fmi3False, early = fmi3False;
-    fmi3Float64 reached = t + h;
+    step_answer a;
     (void)slots;
-    calling(m, "fmi3DoStep", "");
-    const fmi3Status status = ((fmi3DoStepTYPE *)m->do_step)(m->instance, t, h, never_goes_back(m),
-                                                             &event, &terminate, &early, &reached);
-    if (!accept(status, UUV_CORE_DO_STEP, why)) return 0;
-    if (terminate) return failed(why, UUV_CORE_ENDED, is_whole(t, h, reached), UUV_CORE_DO_STEP);
-    m->events->needed = event;
-    m->events->early = early;
-    m->events->reached = reached;
+    if (!make_step(m, t, h, &a, why)) return 0;
+    m->events->needed = a.event;
+    m->events->early = a.early;
+    m->events->reached = a.reached;
     return 1;
 }
 

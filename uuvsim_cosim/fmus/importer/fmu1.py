@@ -17,7 +17,7 @@ from uuvsim_cosim.errors import ComponentFailed, FmuError
 from uuvsim_cosim.fmus.codegen.toolchain import Signatures
 from uuvsim_cosim.fmus.component import BindingKind
 from uuvsim_cosim.fmus.description import Variable
-from uuvsim_cosim.fmus.importer.fmu_access import Access, NumericAccess, StringAccess
+from uuvsim_cosim.fmus.importer.fmu_access import Access, scalar_access
 from uuvsim_cosim.fmus.importer.fmu_binary import COMMON, FmuBinary, Phase
 from uuvsim_cosim.fmus.importer.read_description import FmuArchive
 from uuvsim_cosim.fmus.values import flat_array
@@ -229,10 +229,7 @@ class Fmu1(FmuBinary):
             self.call("Terminate" if model else "TerminateSlave")
 
     def _access(self, variable: Variable) -> Access:
-        if variable.type == "String":
-            return StringAccess(variable, "String", counts_values=False)
-        suffix, dtype = _NUMERIC[variable.type]
-        return NumericAccess(variable, suffix, dtype, counts_values=False)
+        return scalar_access(variable, _NUMERIC)
 
 
 _NUMERIC: Mapping[str, tuple[str, type]] = {

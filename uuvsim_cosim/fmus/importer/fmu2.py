@@ -12,7 +12,7 @@ from uuvsim_cosim.errors import ComponentFailed
 from uuvsim_cosim.fmus.codegen.toolchain import Signatures
 from uuvsim_cosim.fmus.component import BindingKind
 from uuvsim_cosim.fmus.description import Variable
-from uuvsim_cosim.fmus.importer.fmu_access import Access, NumericAccess, StringAccess
+from uuvsim_cosim.fmus.importer.fmu_access import Access, scalar_access
 from uuvsim_cosim.fmus.importer.fmu_binary import COMMON, FmuBinary, Phase
 
 __all__ = ["Fmu2"]
@@ -143,10 +143,7 @@ class Fmu2(FmuBinary):
         return ComponentFailed(self.path, time, reason, asks_to_end=True)
 
     def _access(self, variable: Variable) -> Access:
-        if variable.type == "String":
-            return StringAccess(variable, "String", counts_values=False)
-        suffix, dtype = _NUMERIC[variable.type]
-        return NumericAccess(variable, suffix, dtype, counts_values=False)
+        return scalar_access(variable, _NUMERIC)
 
 
 _NUMERIC: Mapping[str, tuple[str, type]] = {

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ctypes
 from abc import ABC, abstractmethod
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -12,7 +13,7 @@ from numpy.typing import DTypeLike
 from uuvsim_cosim.fmus.description import Variable
 from uuvsim_cosim.fmus.description_xml import DTYPES
 
-__all__ = ["Access", "BinaryAccess", "NumericAccess", "StringAccess"]
+__all__ = ["Access", "BinaryAccess", "NumericAccess", "StringAccess", "scalar_access"]
 
 
 class Access(ABC):
@@ -133,3 +134,11 @@ class BinaryAccess(Access):
     def buffers(self) -> tuple[object, ...]:
         """Return sizes and pointers."""
         return (self._sizes, self._pointers)
+
+
+def scalar_access(variable: Variable, numeric: Mapping[str, tuple[str, type]]) -> Access:
+    """Return the calls of FMI 1.0 and 2.0 for a variable; `numeric` has suffix and type in C."""
+    if variable.type == "String":
+        return StringAccess(variable, "String", counts_values=False)
+    suffix, dtype = numeric[variable.type]
+    return NumericAccess(variable, suffix, dtype, counts_values=False)

@@ -113,15 +113,16 @@ def build_container_fmu(
     folders = [core, core / "components", core / "iteration"]
     files = {f.name: f.read_text() for each in folders for f in sorted(each.glob("*.c"))}
     members = {name: data for box in boxes for name, data in box.items()}
-    runtime_text = (content("fmus", "container") / "uuv_container.h").read_text()
-    parts = [text, runtime_text, repr(description), *files.values()]
+    own = content("fmus", "container"), content("fmus", "whole")
+    headers = [own[0] / "uuv_container.h", own[1] / "uuv_whole_steps.h"]
+    parts = [text, *(h.read_text() for h in headers), repr(description), *files.values()]
     token = content_hash([*parts, *(p for n in sorted(members) for p in (n, members[n]))])
     whole = Whole(identifier, description, token, plan.tick, stop_time, False, False)
     main = "\n".join([_HEAD, component_table(whole), text])
     fmu = WholeFmu(
         whole,
         {f"{identifier}.c": main, **files},
-        (content("fmus", "container"), *folders, content("fmus", "guard"), *runtime()),
+        (*own, *folders, content("fmus", "guard"), *runtime()),
         " ".join(_PAGE.split()),
         libraries={".so": ("-ldl",)},
         members=members,

@@ -29,8 +29,8 @@ def yo_yo(period: str = "4") -> Model:
     p = {
         name: m.parameter(name, value, unit=unit, min=low, description=words)
         for name, value, unit, low, words in (
-            ("D_top", 4.0, "m", None, "depth at which it begins to dive"),
-            ("D_bottom", 40.0, "m", None, "depth at which it begins to climb"),
+            ("D_top", 4.0, "m", 0.0, "depth at which it begins to dive"),
+            ("D_bottom", 40.0, "m", 0.0, "depth at which it begins to climb"),
             ("yos", 3.0, "1", 0.0, "number of dives; after them it climbs on"),
             ("V_dive", 2.4e-6, "m3", 0.0, "volume of the buoyancy engine in a descent"),
             ("V_climb", 4.625e-4, "m3", 0.0, "volume of the buoyancy engine in a climb"),

@@ -39,7 +39,7 @@ def planned_variable_step(
     lengths = {"smallest": step.smallest, "largest": step.largest, "first": step.beginning}
     ticks = {name: length / tick for name, length in lengths.items()}
     for name, n in ticks.items():
-        if n.denominator != 1:
+        if n.denominator != 1 and not (name == "first" and step.first is None):
             problems.append(
                 Problem(
                     _PLACE,

@@ -20,6 +20,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from uuvsim_cosim.bridge.ros2.frames import euler_angles
 from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.models.actuators.thruster_geometry import thruster_geometry
 from uuvsim_cosim.models.declaration.near_names import expected_names
@@ -175,7 +176,7 @@ def series_of_topics(path: Path, topics: Topics) -> dict[str, Series]:
             put("rates", topic, rates)
     q = _columns(topics, "vehicle_attitude", "q[{}]", 4)
     if q is not None:
-        put("attitude", "vehicle_attitude", euler_of(q))
+        put("attitude", "vehicle_attitude", euler_angles(q))
     _put_position(topics, put)
     _put_odometry(topics, found, put)
     velocity = _columns(topics, "vehicle_visual_odometry", "velocity[{}]", 3)
@@ -237,20 +238,7 @@ def _put_odometry(topics: Topics, found: Mapping[str, Series], put: Any) -> None
         values = _columns(topics, name, fields, n)
         if values is not None and to not in found:
             is_ned = np.ones(len(values), bool) if not frame else topics[name][frame] == _NED
-            put(to, name, euler_of(values) if n == 4 else values, is_ned)
-
-
-def euler_of(q: Array) -> Array:
-    """Return roll, pitch and yaw (n, 3) of quaternions (n, 4) w x y z from the body to NED."""
-    w, x, y, z = q.T
-    return np.stack(
-        [
-            np.arctan2(2 * (w * x + y * z), 1 - 2 * (x * x + y * y)),
-            np.arcsin(np.clip(2 * (w * y - z * x), -1.0, 1.0)),
-            np.arctan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z)),
-        ],
-        axis=1,
-    )
+            put(to, name, euler_angles(values) if n == 4 else values, is_ned)
 
 
 def _columns(topics: Topics, topic: str, fields: str | tuple[str, ...], n: int) -> Array | None:
