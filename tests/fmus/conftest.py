@@ -21,6 +21,27 @@ from uuvsim_cosim.models.intrinsics.table import table1
 Fmi = Literal[2, 3]
 
 
+@pytest.fixture(autouse=True, scope="session")
+def callbacks_of_fmpy_live_on() -> Iterator[None]:
+    """Keep each logger that FMPy is given until the session ends.
+
+    FMPy's proxy keeps the last logger's address for the whole process and calls it for each later
+    FMU of FMI 1.0 and 2.0, also after the logger is gone and its memory has another use.
+    """
+    from fmpy import logging
+
+    kept: list[Any] = []
+    add = logging.addLoggerProxy
+
+    def kept_and_added(pointer: Any) -> None:
+        kept.append(pointer._obj)
+        add(pointer)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(logging, "addLoggerProxy", kept_and_added)
+        yield
+
+
 def lag() -> Model:
     m = Model("lag", "A first-order lag:  dx/dt = (k u - x) / T.")
     u = m.input("u", unit="1", min=-1, max=1, description="command")
