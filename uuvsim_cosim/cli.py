@@ -70,6 +70,7 @@ COMMANDS = {
     "run": ("run.run:run_command", SIMULATE),
     "serve": ("serve.serve:serve_command", SIMULATE),
     "view": ("run.view:view_command", SIMULATE),
+    "film": ("run.film:film_command", SIMULATE),
     "report": ("run.report:report_command", SIMULATE),
     "export": ("run.export:export_command", SIMULATE),
     "compare": ("run.compare:compare_command", SIMULATE),

@@ -165,6 +165,7 @@ QUICK = {
 # Each needs minutes, a network or a recording of its own; a refusal of theirs is tested.
 LONG = {
     "view": "view nowhere",
+    "film": "film nowhere -o x.webp",
     "map": "map nowhere",
     "terrain": "terrain none.000",
     "identify": "identify none.csv --system model:bluerov2 --parameters D_q_11",

@@ -49,6 +49,12 @@ GROUPS: dict[str, dict[str, tuple[str, ...]]] = {
         "ROS 2": ("--ros2", "--topics", "--distribution", "--origin"),
         "Images of a sonar": ("--sonar", "--picture", "--span"),
     },
+    "film": {
+        "Camera": ("--camera", "--path", "--follow"),
+        _TIME: ("--from", "--to", "--speed", "--fps"),
+        "Picture": ("--panel", "--water", "--caustics", "--contours", "--plain"),
+        OUTPUT: ("--out", "--size"),
+    },
     "systems new": {
         "Vehicle": ("--vehicle", "--mission", "--force"),
         "FMUs": ("--from", "--connect", "--step"),
@@ -136,6 +142,11 @@ EXAMPLES: dict[str, tuple[str, ...]] = {
         "serve runs/bluerov2_survey-0",
     ),
     "view": ("view", "view runs/bluerov2_survey-0 --port 8090"),
+    "film": (
+        "film runs/bluerov2_survey-0 -o dive.webp --panel depth,speed",
+        "film runs/wreck_inspection-0 -o wreck.webp --camera orbit --speed 4 --panel sonar",
+        "film runs/bluerov2_survey-0 -o dive.png --from 30 --camera side:3 --caustics 0.5",
+    ),
     "export": (
         "export runs/bluerov2_survey-0 -o run.csv",
         "export runs/bluerov2_survey-0 -o run.mcap --scene",

@@ -57,6 +57,15 @@ class Canvas:
         """Take over the picture of a canvas of the same size."""
         self._values[:] = other._values
 
+    def place(self, left: int, top: int, picture: NDArray[np.uint8], alpha: float = 1.0) -> None:
+        """Lay a picture (height, width, 3) over this one; the part outside is not drawn."""
+        height, width = picture.shape[:2]
+        x, y = max(left, 0), max(top, 0)
+        under = self._values[y : max(top + height, 0), x : max(left + width, 0)]
+        rows, columns = under.shape[:2]
+        over = picture[y - top : y - top + rows, x - left : x - left + columns]
+        under += np.float32(alpha) * (over - under)
+
     def pixels(self) -> NDArray[np.uint8]:
         """Return the picture (height, width, 3), a new array."""
         return (self._values + np.float32(0.5)).astype(np.uint8)

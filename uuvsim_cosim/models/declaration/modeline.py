@@ -27,6 +27,7 @@ PRESETS = (
 PATTERNS: dict[str, tuple[str, ...]] = {
     "access": ("access.yaml", "access_*.yaml"),
     "bench": ("bench.yaml",),
+    "camera_path": ("*camera_path*.yaml",),
     "checks": ("checks.yaml",),
     "control": ("control.yaml",),
     "curriculum": ("*curriculum*.yaml",),

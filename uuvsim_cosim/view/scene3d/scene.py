@@ -17,6 +17,7 @@ from uuvsim_cosim.models.worlds.terrain import Terrain
 
 if TYPE_CHECKING:
     from uuvsim_cosim.models.sensors.sonar_axes import SonarAxes
+    from uuvsim_cosim.models.worlds.scene import Scene
 
 __all__ = ["Arrow", "Body", "Line", "Marker", "Mesh", "Rays", "Scene3D", "Solid"]
 
@@ -109,6 +110,7 @@ class Scene3D:
     bottom: float | None = None  # m, depth of a flat bottom, where there is no terrain
     notes: tuple[str, ...] = ()  # parts that could not be drawn, and why
     sonars: Mapping[str, SonarAxes] = field(default_factory=dict)  # with images, by their path
+    world: Scene | None = None  # the scene whose terrain and solids these are, as rays meet it
 
     @property
     def signals(self) -> tuple[str, ...]:

@@ -83,7 +83,9 @@ def scene3d_of_plan(plan: Plan, name: str = "") -> Scene3D:
         bottom = next(known, None)
     still = tuple(solids.values())
     sonars = {c.path: axes for c in plan.components if (axes := sonar_axes(c.source)) is not None}
-    return Scene3D(name, bodies, markers, lines, still, terrain, bottom, tuple(notes), sonars)
+    return Scene3D(
+        name, bodies, markers, lines, still, terrain, bottom, tuple(notes), sonars, scene
+    )  # fmt: skip
 
 
 def value_of(component: PlannedComponent, name: str) -> Array | None:
