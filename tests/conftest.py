@@ -9,7 +9,7 @@ import subprocess
 import sys
 import tempfile
 import zipfile
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
@@ -140,6 +140,27 @@ def c_fmu(tmp_path_factory: pytest.TempPathFactory) -> CFmu:
         return path
 
     return build
+
+
+def foreign_fmu(
+    name: str, folder: Path, *, edits: Iterable[tuple[str, str]] = (), fault: int = 0
+) -> Path:
+    """Compile NAME_fmi3.c of tests/fmus/foreign, with edits of its description and a fault."""
+    import fmpy
+
+    include = [Path(fmpy.__file__).parent / "c-code"]
+    source, flags = FOREIGN / f"{name}_fmi3.c", [f"-DFAULT={fault}"]
+    library = compile_shared([source], name=name, include=include, flags=flags)
+    text = (FOREIGN / f"{name}_fmi3.xml").read_text()
+    for old, new in edits:
+        assert old in text
+        text = text.replace(old, new)
+    path = folder / f"{name}_{content_hash([text, str(fault)])[:8]}.fmu"
+    members = {
+        "modelDescription.xml": text.encode(),
+        f"binaries/{host().fmi3}/{name}{host().suffix}": library.read_bytes(),
+    }
+    return path if path.exists() else write_archive(path, members)
 
 
 @pytest.fixture(scope="session")

@@ -2,7 +2,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "events.h"
+#include "clocks.h"
 #include "fast_path.h"
 #include "iterate.h"
 #include "variable_step.h"
@@ -29,6 +29,7 @@ UUV_CORE_API uuv_core *uuv_core_new(uint32_t n_members, uint32_t n_slots, uint64
     core->num = num;
     core->den = den;
     core->stride = 1;
+    core->parts = 1;
     core->members = calloc(n_members + 1, sizeof *core->members);
     core->slots = calloc(2 * (size_t)n_slots + 1, sizeof *core->slots);
     core->fresh = core->slots + n_slots;
@@ -57,6 +58,7 @@ static void free_accesses(access *accesses, uint32_t n) {
         free(accesses[i].sizes);
         free(accesses[i].negated);
         free(accesses[i].turned);
+        free(accesses[i].clocks);
     }
     free(accesses);
 }
@@ -80,6 +82,7 @@ UUV_CORE_API void uuv_core_free(uuv_core *core) {
     }
     free_groups(core);
     free_variable_step(core);
+    free_clocks(core);
     free_events(core);
     for (uint64_t i = 0; i < r->capacity; i++) free(r->texts[i].data);
     free(r->texts);
@@ -209,7 +212,7 @@ UUV_CORE_API int uuv_core_in_place(uuv_core *core, uint32_t i, uuv_values_functi
 
 /* A transfer that continues the one before it becomes part of that. */
 static int continues(const transfer *last, const transfer *next) {
-    return !last->pairs && !next->pairs && last->from == next->from && last->early == next->early && last->factor == next->factor &&
+    return !last->pairs && !next->pairs && last->access == next->access && last->from == next->from && last->early == next->early && last->factor == next->factor &&
            last->offset == next->offset && last->source_class == next->source_class &&
            last->target_class == next->target_class &&
            last->source + last->count == next->source && last->target + last->count == next->target;
@@ -222,6 +225,8 @@ UUV_CORE_API int uuv_core_transfer(uuv_core *core, uint32_t target, uint32_t sou
     member *m = &core->members[target];
     transfer t = {.from = source, .source = source_slot, .target = target_slot, .count = 1,
                   .early = (uint8_t)early, .factor = factor, .offset = offset};
+    for (uint32_t i = 0; m->events && i < m->n_sets; i++)
+        if (target_slot >= m->sets[i].slot && target_slot < m->sets[i].slot + m->sets[i].n_values) t.access = i;
     t.source_class = core->classes[source_slot];
     t.target_class = core->classes[target_slot];
     t.copy = t.source_class == t.target_class && factor == 1.0 && offset == 0.0 && !n_pairs;

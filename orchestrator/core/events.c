@@ -1,15 +1,10 @@
 /* Events across FMUs (events.h). Start reading at `step_event_group`. */
-#include "events.h"
+#include "clocks.h"
 
 #include <stdlib.h>
 #include <string.h>
 
 #include "iterate.h"
-
-struct event_group {
-    member **members;
-    uint32_t n;
-};
 
 UUV_CORE_API int uuv_core_event_mode(uuv_core *core, uint32_t i, uint32_t group, void *enter, void *update,
                                      void *leave, int repeats) {
@@ -23,6 +18,10 @@ UUV_CORE_API int uuv_core_event_mode(uuv_core *core, uint32_t i, uint32_t group,
     m->fresh = core->fresh;
     if (group >= core->n_event_groups) core->n_event_groups = group + 1;
     return 1;
+}
+
+UUV_CORE_API void uuv_core_inside(uuv_core *core, uint32_t i, int32_t *inside) {
+    core->members[i].events->inside = inside;
 }
 
 UUV_CORE_API void uuv_core_discrete(uuv_core *core, uint32_t i, uint32_t slot) {
@@ -41,7 +40,7 @@ UUV_CORE_API void uuv_core_take_events(uuv_core *core, uuv_event *events) {
 void free_events(uuv_core *core) {
     for (uint32_t g = 0; core->event_groups && g < core->n_event_groups; g++) free(core->event_groups[g].members);
     for (uint32_t i = 0; core->members && i < core->n_members; i++) free(core->members[i].events);
-    free(core->event_groups), free(core->before), free(core->noted);
+    free(core->event_groups), free(core->before), free(core->noted), free(core->is_new);
 }
 
 static int inside_group(const uuv_core *core, const member *m, const transfer *t) {
@@ -53,7 +52,11 @@ int find_event_groups(uuv_core *core) {
     if (!core->n_event_groups || core->event_groups) return 1;
     core->event_groups = calloc(core->n_event_groups, sizeof *core->event_groups);
     core->before = calloc((size_t)core->n_slots + 1, sizeof *core->before);
-    if (!core->event_groups || !core->before) return failed(&core->why, UUV_CORE_NO_MEMORY, 0, UUV_CORE_GET);
+    uint32_t most = 0;
+    for (const member *m = core->members; m < core->members + core->n_members; m++)
+        if (m->events && m->events->clocks && m->events->clocks->n > most) most = m->events->clocks->n;
+    core->is_new = calloc(most + 1, 1);
+    if (!core->event_groups || !core->before || !core->is_new) return failed(&core->why, UUV_CORE_NO_MEMORY, 0, UUV_CORE_GET);
     for (member *m = core->members; m < core->members + core->n_members; m++) {
         if (!m->events) continue;
         struct event_group *g = core->event_groups + m->events->group;
@@ -66,7 +69,7 @@ int find_event_groups(uuv_core *core) {
     return 1;
 }
 
-static int note(uuv_core *core, const member *m, uint64_t tick, double offset, int input) {
+int note_event(uuv_core *core, const member *m, uint64_t tick, double offset, int cause) {
     if (core->n_noted == core->noted_room) {
         const uint32_t room = 2 * core->noted_room + 64;
         uuv_event *grown = realloc(core->noted, room * sizeof *grown);
@@ -74,7 +77,7 @@ static int note(uuv_core *core, const member *m, uint64_t tick, double offset, i
         core->noted = grown;
         core->noted_room = room;
     }
-    core->noted[core->n_noted++] = (uuv_event){tick, offset, (uint32_t)(m - core->members), input};
+    core->noted[core->n_noted++] = (uuv_event){tick, offset, (uint32_t)(m - core->members), cause};
     return 1;
 }
 
@@ -90,24 +93,32 @@ static int other_text(const uuv_blob *a, const uuv_blob *b) {
     return a->size != b->size || memcmp(a->data, b->data, a->size) != 0;
 }
 
-/* Carries values to a member's inputs: in Event Mode those of its group, else all. `changed` becomes
- * 1 if an input, or at a step's start a discrete one, has another value than before. */
+int carry_value(uuv_core *core, const transfer *t, int counts, int *changed) {
+    const int early = core->in_event && t->early == IN_EVENTS;
+    const uuv_slot *const source = (early ? core->fresh : core->slots) + t->source;
+    for (uint32_t i = 0; i < t->count; i++)
+        if (t->source_class != CLASS_BLOB) {
+            core->before[t->target + i] = core->slots[t->target + i];
+        } else if (counts && other_text(source[i].blob, core->slots[t->target + i].blob)) {
+            *changed = 1;
+            core->why.slot = t->target + i;
+        }
+    if (!carry(core, t)) return 0;
+    for (uint32_t i = 0; counts && t->source_class != CLASS_BLOB && i < t->count; i++)
+        if (core->before[t->target + i].u != core->slots[t->target + i].u) {
+            *changed = 1;
+            core->why.slot = t->target + i;
+        }
+    return 1;
+}
+
+/* Carries values to a member's inputs: in Event Mode those of its group, else all; clocked ones only
+ * while a clock is active (clocks.h). `changed` becomes 1 if an input, or at a step's start a discrete
+ * one, has another value than before. */
 static int carry_inputs(uuv_core *core, member *m, int *changed) {
     for (const transfer *t = m->transfers; t < m->transfers + m->n_transfers; t++) {
-        if (core->in_event && t->early != IN_EVENTS) continue;
-        const int counts = core->in_event || is_discrete(m, t->target);
-        const uuv_slot *const source = (core->in_event ? core->fresh : core->slots) + t->source;
-        for (uint32_t i = 0; i < t->count; i++)
-            if (t->source_class != CLASS_BLOB)
-                core->before[t->target + i] = core->slots[t->target + i];
-            else if (counts && other_text(source[i].blob, core->slots[t->target + i].blob))
-                *changed = 1;
-        if (!carry(core, t)) return 0;
-        for (uint32_t i = 0; counts && t->source_class != CLASS_BLOB && i < t->count; i++)
-            if (core->before[t->target + i].u != core->slots[t->target + i].u) {
-                *changed = 1;
-                core->why.slot = t->target + i;
-            }
+        if (m->sets[t->access].clocks || (core->in_event && t->early != IN_EVENTS)) continue;
+        if (!carry_value(core, t, core->in_event || is_discrete(m, t->target), changed)) return 0;
     }
     return 1;
 }
@@ -127,15 +138,44 @@ static int exchange(uuv_core *core, const struct event_group *g, member **at, in
     return 1;
 }
 
-/* Outputs go to inputs and discrete states are updated, until nothing changes. */
-static int iterate(uuv_core *core, const struct event_group *g, member **at, double now) {
+/* Names a clock that is active in the last round. */
+static int ticks_do_not_end(uuv_core *core, const struct event_group *g, member **at, double now) {
+    for (uint32_t i = 0; i < g->n; i++) {
+        const struct clocks *all = g->members[i]->events->clocks;
+        for (uint32_t k = 0; all && k < all->n; k++) {
+            if (!all->all[k].active) continue;
+            *at = g->members[i];
+            core->why.slot = k;
+            core->why.residual = now;
+            return failed(&core->why, UUV_CORE_EVENTS_DO_NOT_END, 2, UUV_CORE_DO_STEP);
+        }
+    }
+    return 1;
+}
+
+/* Outputs go to inputs and discrete states are updated, until nothing changes. Time-based clocks tick
+ * after that, as the standard advises, and the iteration goes on. `ends`: the step ends here, and they
+ * tick where the next one starts, with the inputs from outside of the group that are valid then. */
+static int iterate(uuv_core *core, const struct event_group *g, member **at, double now, const instant *here,
+                   int ends) {
     int again = 0;
     member *last = g->members[0];
     for (uint32_t round = 0;; round++) {
-        int changed = 0;
+        int changed = 0, ticks = 0;
+        core->why.residual = now;
         if (!exchange(core, g, at, round == 0, &changed)) return 0;
-        if (!changed && !again) return 1;
-        if (round == UUV_MOST_ROUNDS) break;
+        const uint32_t slot = core->why.slot;
+        if (!carry_clocks(core, g, at, here, &ticks)) return 0;
+        if (!changed && !ticks && !again && !ends) {
+            if (!activate_due_clocks(core, g, at, here, &ticks)) return 0;
+            if (ticks && !carry_clocks(core, g, at, here, &ticks)) return 0;
+        }
+        if (!changed && !ticks && !again) return 1;
+        if (round == UUV_MOST_ROUNDS) {
+            if (ticks && !changed && !again) return ticks_do_not_end(core, g, at, now);
+            core->why.slot = slot;
+            break;
+        }
         again = 0;
         for (uint32_t i = 0; i < g->n; i++) {
             int one = 0;
@@ -143,17 +183,19 @@ static int iterate(uuv_core *core, const struct event_group *g, member **at, dou
             if (one) last = g->members[i];
             again |= one;
         }
+        if (!end_clocks(core, g, at, here)) return 0;
     }
     *at = last;
     core->why.residual = now;
     return failed(&core->why, UUV_CORE_EVENTS_DO_NOT_END, again, UUV_CORE_DO_STEP);
 }
 
-static int handle_event(uuv_core *core, const struct event_group *g, member **at, double now) {
+static int handle_event(uuv_core *core, const struct event_group *g, member **at, double now, const instant *here,
+                        int ends) {
     for (uint32_t i = 0; i < g->n; i++)
         if (!fmi3_change_mode(*at = g->members[i], 1, &core->why)) return 0;
     core->in_event = 1;
-    const int done = iterate(core, g, at, now);
+    const int done = iterate(core, g, at, now, here, ends);
     core->in_event = 0;
     for (uint32_t i = 0; done && i < g->n; i++)
         if (!fmi3_change_mode(*at = g->members[i], 0, &core->why)) return 0;
@@ -162,15 +204,14 @@ static int handle_event(uuv_core *core, const struct event_group *g, member **at
 
 int begin_events(uuv_core *core, member **at) {
     const double t = (double)(core->tick * core->num) / (double)core->den;
+    const instant here = {.tick = core->tick, .exact = 1};
+    core->n_noted = 0;
     for (uint32_t i = 0; i < core->n_event_groups; i++) {
         const struct event_group *g = core->event_groups + i;
-        for (uint32_t k = 0; k < g->n; k++) {
-            g->members[k]->events->inside = 0;
+        for (uint32_t k = 0; k < g->n; k++)
             if (!transfer_inputs(core, *at = g->members[k])) return 0;
-        }
-        if (!handle_event(core, g, at, t)) return 0;
+        if (!handle_event(core, g, at, t, &here, 1)) return 0;
     }
-    core->n_noted = 0;
     return 1;
 }
 
@@ -209,17 +250,19 @@ static int step_together(uuv_core *core, const struct event_group *g, member **a
     }
 }
 
-/* Inputs at the step's start. A discrete one with another value is an event. */
+/* Inputs at the step's start. A discrete one with another value is an event, and so is a clock that is
+ * due. */
 static int take_inputs(uuv_core *core, const struct event_group *g, member **at, double t) {
-    int any = 0;
+    const instant here = {.tick = core->tick, .exact = 1};
+    int any = is_clock_due(core, g, &here);
     for (uint32_t i = 0; i < g->n; i++) {
         int changed = 0;
-        g->members[i]->events->inside = 0; /* also after a failure and a restored state */
+        any |= *g->members[i]->events->inside;
         if (!carry_inputs(core, *at = g->members[i], &changed)) return 0;
-        if (changed && !note(core, *at, core->tick, 0.0, 1)) return 0;
+        if (changed && !note_event(core, *at, core->tick, 0.0, UUV_CORE_INPUT)) return 0;
         any |= changed;
     }
-    if (any) return handle_event(core, g, at, t);
+    if (any) return handle_event(core, g, at, t, &here, 0);
     for (uint32_t i = 0; i < g->n; i++)
         if (!(*at = g->members[i])->kind->set(*at, core->slots, &core->why)) return 0;
     return 1;
@@ -233,15 +276,23 @@ int step_event_group(uuv_core *core, member **at, double t) {
     uint32_t parts = 0;
     for (double now = t, to; now < end; now = to) {
         to = end;
-        if (!step_together(core, g, at, now, now == t ? h : end - now, &to)) return 0;
+        instant next;
+        double tick_at = end; /* of the next clock */
+        if (next_clock(core, g, &next) && next.tick < core->tick + ticks) tick_at = t + seconds_from(core, core->tick, &next);
+        if (tick_at < end) to = tick_at;
+        if (to > now && !step_together(core, g, at, now, to == end && now == t ? h : to - now, &to)) return 0;
+        const int ticked = to == tick_at && to < end;
+        if (!ticked) next = to < end ? later(core, (instant){.tick = core->tick, .exact = 1}, to - t)
+                                     : (instant){.tick = core->tick + ticks, .exact = 1};
         int needed = 0;
         for (uint32_t i = 0; i < g->n; i++) {
             const member *m = g->members[i];
             if (!m->events->needed) continue;
             needed = 1;
-            if (!note(core, m, core->tick + (to < end ? 0 : ticks), to < end ? to - t : 0.0, 0)) return 0;
+            if (!note_event(core, m, core->tick + (to < end ? 0 : ticks), to < end ? to - t : 0.0, UUV_CORE_REPORTED))
+                return 0;
         }
-        if (needed && !handle_event(core, g, at, to)) return 0;
+        if ((needed || ticked) && !handle_event(core, g, at, to, &next, !(to < end))) return 0;
         core->why.residual = to;
         if (++parts == UUV_MOST_EVENTS && to < end) return failed(&core->why, UUV_CORE_NO_PROGRESS, 1, UUV_CORE_DO_STEP);
     }

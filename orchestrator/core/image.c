@@ -1,6 +1,7 @@
 /* The state of the loop and of its native members as one run of bytes: what a snapshot keeps. */
 #include <string.h>
 
+#include "clocks.h"
 #include "variable_step.h"
 
 typedef void native_get_state(const void *instance, void *out);
@@ -12,7 +13,7 @@ UUV_CORE_API size_t uuv_core_image_size(const uuv_core *core) {
     size_t size = (1 + core->n_members + 2 * (size_t)core->n_slots) * sizeof(uint64_t);
     for (const member *m = core->members; m < core->members + core->n_members; m++)
         if (in_image(m)) size += m->state_size;
-    return size + step_state_size(core);
+    return size + step_state_size(core) + clock_state_size(core);
 }
 
 /* Slots that point to texts are zero in the image, and stay as they are when it is restored. */
@@ -49,6 +50,7 @@ UUV_CORE_API void uuv_core_get_image(const uuv_core *core, void *image) {
             out += m->state_size;
         }
     if (core->varied) put_step_state(core, out);
+    else if (clock_state_size(core)) put_clock_state(core, out); /* there are no events with a variable step */
 }
 
 UUV_CORE_API void uuv_core_set_image(uuv_core *core, const void *image) {
@@ -70,4 +72,5 @@ UUV_CORE_API void uuv_core_set_image(uuv_core *core, const void *image) {
             in += m->state_size;
         }
     if (core->varied) take_step_state(core, in);
+    else if (clock_state_size(core)) take_clock_state(core, in);
 }

@@ -22,6 +22,9 @@ typedef struct {
     size_t *sizes; /* of binaries */
     uint8_t *negated; /* FMI 1.0: of each value, whether it is a negated alias; NULL: none is */
     uuv_slot *turned; /* what is set where some are */
+    uint32_t *clocks; /* clocked variables: those of the member's clocks that they belong to (clocks.h) */
+    uint32_t n_clocks;
+    int was_set; /* since a clock became active */
 } access;
 
 /* `early` of a transfer inside an event group: in Event Mode it takes the new value (events.h). */
@@ -31,10 +34,24 @@ enum { IN_EVENTS = 3 };
 typedef struct {
     uint32_t from, source, target, count;
     uint8_t early, copy, in_place, source_class, target_class;
+    uint32_t access; /* of an event group's member: which of its accesses sets the target */
     double factor, offset;
     int64_t *pairs; /* a table instead: the source's value, the target's, and so on */
     uint32_t n_pairs;
 } transfer;
+
+/* A point of time inside a step: `part` of the `parts` of a tick if it is `exact`, and always the
+ * offset from the tick [s] (clocks.h). */
+typedef struct {
+    uint64_t tick, part;
+    double offset;
+    uint64_t exact;
+} instant;
+
+/* Ticks go from a clock of a member to a triggered input clock of another. */
+typedef struct {
+    uint32_t from, from_clock, to, to_clock;
+} clock_wire;
 
 /* A delayed connection of floating-point numbers (coupling.h): its values from `first` on. */
 typedef struct {
@@ -209,6 +226,10 @@ struct uuv_core {
     uuv_slot *before; /* its inputs before the exchange, by slot */
     uuv_event *noted; /* events that the caller has not taken */
     uint32_t n_noted, noted_room;
+    clock_wire *wires; /* (clocks.h) */
+    uint32_t n_wires;
+    uint64_t parts;  /* of a tick: the instants of periodic clocks are whole parts */
+    uint8_t *is_new; /* of the clocks of one member */
     recording record;
     uuv_failure why;
     uuv_frame frame; /* what is being called, while the core runs */

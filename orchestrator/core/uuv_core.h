@@ -55,23 +55,26 @@ enum uuv_core_outcome {
                                   input in `slot`; 0: it is no number, and changes each time */
     UUV_CORE_NOT_RESTORED,     /* after its state was restored, the output in `slot` has another value */
     UUV_CORE_EVENTS_DO_NOT_END, /* the event iteration at the time `residual` [s]; `status` 1: the member
-                                  wants another round, 0: the input in `slot` changes each time */
+                                  wants another round, 0: the input in `slot` changes each time, 2: its
+                                  clock number `slot` ticks each time */
     UUV_CORE_NO_PROGRESS,      /* it returned early at the time `residual` [s] where it began; `status` 1:
                                   there are too many events in one step */
-    UUV_CORE_NOT_REPEATED      /* it returned early at the time `residual` [s], and the member `slot` cannot
+    UUV_CORE_NOT_REPEATED,     /* it returned early at the time `residual` [s], and the member `slot` cannot
                                   repeat its step */
+    UUV_CORE_BAD_INTERVAL      /* the clock number `slot` gave the interval `value` [s] at the time `residual` [s] */
 };
 
 enum uuv_core_action { UUV_CORE_SET = 1, UUV_CORE_DO_STEP, UUV_CORE_GET, UUV_CORE_GET_STATE,
                        UUV_CORE_SET_STATE, UUV_CORE_ENTER_EVENT_MODE,
-                       UUV_CORE_UPDATE_DISCRETE_STATES, UUV_CORE_ENTER_STEP_MODE };
+                       UUV_CORE_UPDATE_DISCRETE_STATES, UUV_CORE_ENTER_STEP_MODE, UUV_CORE_GET_CLOCK,
+                       UUV_CORE_SET_CLOCK, UUV_CORE_GET_INTERVAL_DECIMAL, UUV_CORE_GET_INTERVAL_FRACTION };
 
 /* Why the loop stopped: which member, doing what, at which communication point. */
 typedef struct {
     int32_t outcome, status, action;
     uint32_t member, slot;
     uint64_t tick;
-    double residual;
+    double residual, value;
 } uuv_failure;
 
 /* Functions of a callback member, whose instance is its status. The loop sets the status to
@@ -207,17 +210,46 @@ UUV_CORE_API int uuv_core_bond(uuv_core *core, uint32_t input_a, uint32_t output
                                uint32_t output_b);
 /* Events across FMUs of FMI 3.0 (see events.h), after a member's accesses: its event group, from 0 on,
  * the addresses of fmi3EnterEventMode, fmi3UpdateDiscreteStates and fmi3EnterStepMode, and whether its
- * state can be restored (`uuv_core_state`). An access with a discrete slot is set in Event Mode only. */
+ * state can be restored (`uuv_core_state`). An access with a discrete slot is set in Event Mode only.
+ * `inside` is 1 while the member is in Event Mode: the caller may leave it there, and the next step
+ * begins with an event iteration. */
 UUV_CORE_API int uuv_core_event_mode(uuv_core *core, uint32_t member, uint32_t group, void *enter,
                                      void *update, void *leave, int repeats);
+UUV_CORE_API void uuv_core_inside(uuv_core *core, uint32_t member, int32_t *inside);
 UUV_CORE_API void uuv_core_discrete(uuv_core *core, uint32_t member, uint32_t slot);
-/* An event of a member: at a communication point plus an offset [s]. `input` 1: a discrete input changed
- * there; 0: the member reported it. */
+/* Clocks of a member with Event Mode (see clocks.h): the addresses of fmi3GetClock, fmi3SetClock,
+ * fmi3GetIntervalDecimal and fmi3GetIntervalFraction, or NULL. Then its clocks, by priority and numbered
+ * from 0 on, with the gates: clocks of the same member, one of which must be active to read this one. */
+enum uuv_core_clock { UUV_CORE_PERIODIC = 0, UUV_CORE_CHANGING, UUV_CORE_COUNTDOWN, UUV_CORE_TRIGGERED_INPUT,
+                      UUV_CORE_TRIGGERED_OUTPUT };
+enum uuv_core_interval { UUV_CORE_ASK_NOTHING = 0, UUV_CORE_ASK_DECIMAL, UUV_CORE_ASK_FRACTION };
+enum uuv_core_qualifier { UUV_CORE_INTERVAL_UNKNOWN = 0, UUV_CORE_INTERVAL_UNCHANGED, UUV_CORE_INTERVAL_CHANGED };
+UUV_CORE_API int uuv_core_clocks(uuv_core *core, uint32_t member, void *get, void *set, void *decimal,
+                                 void *fraction);
+UUV_CORE_API int uuv_core_clock(uuv_core *core, uint32_t member, uint32_t reference, int kind, int asks,
+                                uint32_t n_gates, const uint32_t *gates);
+/* Ticks of one clock activate another, a triggered input clock. */
+UUV_CORE_API int uuv_core_clock_wire(uuv_core *core, uint32_t from, uint32_t from_clock, uint32_t to,
+                                     uint32_t to_clock);
+/* The access with a slot is made only while one of these clocks of the member is active; before the
+ * transfers. */
+UUV_CORE_API int uuv_core_clocked(uuv_core *core, uint32_t member, uint32_t slot, uint32_t n_clocks,
+                                  const uint32_t *clocks);
+/* Before `uuv_core_begin`: a tick has that many parts; the instants of a periodic clock, in ticks and
+ * parts; the first interval of another clock, if it is `known`, from a communication point. */
+UUV_CORE_API void uuv_core_clock_parts(uuv_core *core, uint64_t parts);
+UUV_CORE_API void uuv_core_clock_starts(uuv_core *core, uint32_t member, uint32_t clock, uint64_t first_tick,
+                                        uint64_t first_part, uint64_t whole, uint64_t part, double interval);
+UUV_CORE_API void uuv_core_clock_waits(uuv_core *core, uint32_t member, uint32_t clock, uint64_t tick,
+                                       int known, double interval);
+/* An event of a member: at a communication point plus an offset [s], and its cause. From UUV_CORE_CLOCK
+ * on: its clock of number `cause` - UUV_CORE_CLOCK ticked. */
+enum { UUV_CORE_REPORTED = 0, UUV_CORE_INPUT = 1, UUV_CORE_CLOCK = 2 };
 typedef struct {
     uint64_t tick;
     double offset;
     uint32_t member;
-    int32_t input;
+    int32_t cause;
 } uuv_event;
 UUV_CORE_API uint32_t uuv_core_n_events(const uuv_core *core);
 /* Copies the events since the last call, and forgets them. */

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from fractions import Fraction
 from typing import Any, Literal
 
 from uuvsim_cosim.models.declaration.element_names import element_name, element_names
@@ -12,7 +13,9 @@ from uuvsim_cosim.models.declaration.units import Unit
 __all__ = [
     "UNITS_ANNOTATION",
     "Causality",
+    "ClockTiming",
     "Description",
+    "IntervalVariability",
     "Variability",
     "Variable",
     "VariableType",
@@ -31,6 +34,34 @@ VariableType = Literal[
     "Float32", "Float64", "Int8", "UInt8", "Int16", "UInt16", "Int32", "UInt32", "Int64",
     "UInt64", "Boolean", "String", "Binary", "Enumeration", "Clock",
 ]  # fmt: skip
+
+
+IntervalVariability = Literal["constant", "fixed", "tunable", "changing", "countdown", "triggered"]
+
+
+@dataclass(frozen=True)
+class ClockTiming:
+    """When a clock of FMI 3.0 ticks: times in s, as exact as the description writes them.
+
+    `interval` is None if the FMU gives it in Initialization Mode. Of clocks that tick at the same
+    time, those of the smallest `priority` are activated first.
+    """
+
+    variability: IntervalVariability
+    interval: Fraction | None = None
+    shift: Fraction = Fraction()
+    supports_fraction: bool = False
+    priority: int = 0
+
+    @property
+    def is_periodic(self) -> bool:
+        """Return whether all intervals are equal, unless a tunable parameter changes."""
+        return self.variability in ("constant", "fixed", "tunable")
+
+    @property
+    def is_time_based(self) -> bool:
+        """Return whether the importer activates the clock when its time has come."""
+        return self.variability != "triggered"
 
 
 @dataclass(frozen=True)
@@ -59,6 +90,8 @@ class Variable:
     items: tuple[tuple[str, int], ...] = ()  # of an enumeration: names and numbers
     soft_min: bool = False  # of a declared input, see `Model.input`; XML does not hold it
     negated: bool = False  # FMI 1.0: the value with its opposite sign is at the reference
+    clocks: tuple[str, ...] = ()  # of a clocked variable: its value counts while one is active
+    timing: ClockTiming | None = None  # of a clock
 
     @property
     def size(self) -> int:
@@ -113,6 +146,12 @@ class Description:
     needs_execution_tool: bool = False
     made_for: Mapping[str, str] = field(default_factory=dict)  # see fmus/pairs.py
     peers: Mapping[str, str] = field(default_factory=dict)  # see orchestrator/system/system.py
+
+    @property
+    def clocks(self) -> list[Variable]:
+        """List its clocks (FMI 3.0), in the order of their priority."""
+        found = [v for v in self.variables.values() if v.timing is not None]
+        return sorted(found, key=lambda v: v.timing.priority if v.timing else 0)
 
     def of(self, *causalities: Causality) -> list[Variable]:
         """List the variables of the given causalities, in the order of the description."""

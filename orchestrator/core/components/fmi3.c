@@ -1,5 +1,5 @@
 /* FMI 3.0 for Co-Simulation, without and with Event Mode and early return. */
-#include "events.h"
+#include "clocks.h"
 #include "fmi3FunctionTypes.h"
 #include "pack.h"
 #include "fast_path.h"
@@ -26,14 +26,18 @@ static fmi3Status call_get(const member *m, const access *a, void *values) {
     return ((get_function *)a->function)(m->instance, a->references, a->n_references, values, a->n_values);
 }
 
+int fmi3_set_access(member *m, const access *a, const uuv_slot *slots, uuv_failure *why) {
+    why->slot = a->slot; /* says which function failed, if one does */
+    calling(m, "fmi3Set", type_name(a->type, 3));
+    const void *values = pack(a, slots, BOOLEAN_BOOL, why);
+    return values && accept(call_set(m, a, values), UUV_CORE_SET, why);
+}
+
+/* Clocked variables are set and read while their clocks are active (clocks.h). */
 static int fmi3_set(member *m, const uuv_slot *slots, uuv_failure *why) {
-    for (uint32_t i = 0; i < m->n_sets; i++) {
-        const access *a = &m->sets[i];
-        if (a->discrete && !m->events->inside) continue;
-        why->slot = a->slot; /* says which function failed, if one does */
-        calling(m, "fmi3Set", type_name(a->type, 3));
-        const void *values = pack(a, slots, BOOLEAN_BOOL, why);
-        if (!values || !accept(call_set(m, a, values), UUV_CORE_SET, why)) return 0;
+    for (const access *a = m->sets; a < m->sets + m->n_sets; a++) {
+        if (a->clocks || (a->discrete && !*m->events->inside)) continue;
+        if (!fmi3_set_access(m, a, slots, why)) return 0;
     }
     return 1;
 }
@@ -61,14 +65,16 @@ static int fmi3_do_step(member *m, const uuv_slot *slots, double t, double h, uu
     return !a.early || failed(why, UUV_CORE_EARLY_RETURN, (int)a.status, UUV_CORE_DO_STEP);
 }
 
+int fmi3_get_access(member *m, const access *a, uuv_slot *slots, uuv_failure *why) {
+    why->slot = a->slot;
+    calling(m, "fmi3Get", type_name(a->type, 3));
+    if (!accept(call_get(m, a, unpack_buffer(a, slots)), UUV_CORE_GET, why)) return 0;
+    return unpack(a, slots, BOOLEAN_BOOL) || failed(why, UUV_CORE_NO_MEMORY, 0, UUV_CORE_GET);
+}
+
 static int fmi3_get(member *m, uuv_slot *slots, uuv_failure *why) {
-    for (uint32_t i = 0; i < m->n_gets; i++) {
-        const access *a = &m->gets[i];
-        why->slot = a->slot;
-        calling(m, "fmi3Get", type_name(a->type, 3));
-        if (!accept(call_get(m, a, unpack_buffer(a, slots)), UUV_CORE_GET, why)) return 0;
-        if (!unpack(a, slots, BOOLEAN_BOOL)) return failed(why, UUV_CORE_NO_MEMORY, 0, UUV_CORE_GET);
-    }
+    for (const access *a = m->gets; a < m->gets + m->n_gets; a++)
+        if (!a->clocks && !fmi3_get_access(m, a, slots, why)) return 0;
     return 1;
 }
 
@@ -87,10 +93,11 @@ static int fmi3_step_to_event(member *m, const uuv_slot *slots, double t, double
 }
 
 int fmi3_change_mode(member *m, int inside, uuv_failure *why) {
+    if (*m->events->inside == inside) return 1;
     calling(m, inside ? "fmi3EnterEventMode" : "fmi3EnterStepMode", "");
     /* Both functions have one type. */
     fmi3EnterEventModeTYPE *const change = inside ? m->events->enter : m->events->leave;
-    m->events->inside = inside;
+    *m->events->inside = inside;
     return accept(change(m->instance), inside ? UUV_CORE_ENTER_EVENT_MODE : UUV_CORE_ENTER_STEP_MODE, why);
 }
 
@@ -105,6 +112,45 @@ int fmi3_update_discrete_states(member *m, int *again, uuv_failure *why) {
     if (terminate) return failed(why, UUV_CORE_ENDED, 0, UUV_CORE_UPDATE_DISCRETE_STATES);
     *again = needed;
     return 1;
+}
+
+/* ---- clocks ------------------------------------------------------------------------------- */
+
+int fmi3_get_clock(member *m, uint32_t reference, int *active, uuv_failure *why) {
+    fmi3Clock ticks = fmi3ClockInactive;
+    calling(m, "fmi3GetClock", "");
+    const fmi3Status status = ((fmi3GetClockTYPE *)m->events->clocks->get)(m->instance, &reference, 1, &ticks);
+    *active = ticks == fmi3ClockActive;
+    return accept(status, UUV_CORE_GET_CLOCK, why);
+}
+
+int fmi3_set_clocks(member *m, const uint32_t *references, uint32_t n, uuv_failure *why) {
+    const fmi3Clock active[] = {fmi3ClockActive, fmi3ClockActive, fmi3ClockActive, fmi3ClockActive};
+    calling(m, "fmi3SetClock", "");
+    for (uint32_t i = 0; i < n; i += 4) {
+        const uint32_t some = n - i < 4 ? n - i : 4;
+        if (!accept(((fmi3SetClockTYPE *)m->events->clocks->set)(m->instance, references + i, some, active),
+                    UUV_CORE_SET_CLOCK, why))
+            return 0;
+    }
+    return 1;
+}
+
+int fmi3_get_interval(member *m, uint32_t reference, int fraction, double *interval, int *qualifier,
+                      uuv_failure *why) {
+    const struct clocks *c = m->events->clocks;
+    fmi3IntervalQualifier q = fmi3IntervalNotYetKnown;
+    fmi3UInt64 counter = 0, resolution = 0;
+    fmi3Status status;
+    calling(m, fraction ? "fmi3GetIntervalFraction" : "fmi3GetIntervalDecimal", "");
+    if (fraction) {
+        status = ((fmi3GetIntervalFractionTYPE *)c->fraction)(m->instance, &reference, 1, &counter, &resolution, &q);
+        *interval = (double)counter / (double)resolution;
+    } else {
+        status = ((fmi3GetIntervalDecimalTYPE *)c->decimal)(m->instance, &reference, 1, interval, &q);
+    }
+    *qualifier = (int)q;
+    return accept(status, fraction ? UUV_CORE_GET_INTERVAL_FRACTION : UUV_CORE_GET_INTERVAL_DECIMAL, why);
 }
 
 const kind kind_fmi3_events = {fmi3_set, fmi3_step_to_event, fmi3_get};

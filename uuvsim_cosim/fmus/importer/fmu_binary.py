@@ -45,6 +45,7 @@ class FmuState:
         self.pointer = pointer
         self.phase = phase
         self._orphans = orphans
+        self.in_event_mode = 0  # of FMI 3.0
 
     def __del__(self) -> None:
         # The instance frees it in a later call: another thread may be stepping it now.

@@ -5,12 +5,19 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import replace
+from fractions import Fraction
 from typing import Any, get_args
 from xml.etree.ElementTree import Element
 
 import numpy as np
 
-from uuvsim_cosim.fmus.description import UNITS_ANNOTATION, Variable, VariableType
+from uuvsim_cosim.fmus.description import (
+    UNITS_ANNOTATION,
+    ClockTiming,
+    IntervalVariability,
+    Variable,
+    VariableType,
+)
 from uuvsim_cosim.fmus.description_xml import DTYPES, SimpleType, Source
 
 __all__ = ["read_variables_fmi3"]
@@ -63,7 +70,68 @@ def read_variables_fmi3(
     for reference, names in outputs.items():
         name = known[reference].name
         variables[name] = replace(variables[name], dependencies=names)
+    for element in elements:
+        _add_clocks(source, element, variables, known)
     return variables, enumerations
+
+
+def _add_clocks(
+    source: Source,
+    element: Element,
+    variables: dict[str, Variable],
+    known: Mapping[int, Variable],
+) -> None:
+    """Read the clocks of a clocked variable.
+
+    Between their ticks its value holds, so that it passes on no input at once.
+    """
+    if not element.get("clocks"):
+        return
+    where = f"variable {element.get('name')!r}"
+    names = []
+    for word in element.get("clocks", "").split():
+        clock = known.get(source.natural(word, "clock", where))
+        if clock is None or clock.type != "Clock":
+            raise source.fault(where, f"clocks={word!r}", "the value reference of a Clock")
+        names.append(clock.name)
+    for name in (element.get("name", ""), *(a.get("name", "") for a in element.iterfind("Alias"))):
+        variables[name] = replace(variables[name], clocks=tuple(names), dependencies=())
+
+
+def _timing(source: Source, attributes: Mapping[str, str], where: str) -> ClockTiming:
+    """Read when a clock ticks; raises FmuError for an interval that is not positive."""
+
+    def seconds(decimal: str, counter: str) -> Fraction | None:
+        if attributes.get(counter) and attributes.get("resolution"):
+            resolution = source.natural(attributes["resolution"], "resolution", where)
+            if resolution == 0:
+                raise source.fault(where, "resolution 0", "1 or more")
+            return Fraction(source.natural(attributes[counter], counter, where), resolution)
+        if attributes.get(decimal) is None:
+            return None
+        number = source.number(attributes, decimal, where)
+        if not math.isfinite(number):
+            raise source.fault(where, f"{decimal} {number} s", "a finite number")
+        return Fraction(repr(number))
+
+    variability = attributes.get("intervalVariability", "")
+    if variability not in get_args(IntervalVariability):
+        expected = f"one of {', '.join(get_args(IntervalVariability))}"
+        raise source.fault(where, f"intervalVariability {variability!r}", expected)
+    timing = ClockTiming(
+        variability=variability,  # type: ignore[arg-type]
+        interval=seconds("intervalDecimal", "intervalCounter"),
+        shift=seconds("shiftDecimal", "shiftCounter") or Fraction(),
+        supports_fraction=attributes.get("supportsFraction", "false") in ("true", "1"),
+        priority=source.natural(attributes.get("priority", "0"), "priority", where),
+    )
+    if timing.is_periodic and timing.interval is not None and timing.interval <= 0:
+        raise source.fault(where, f"an interval of {float(timing.interval):g} s", "more than 0 s")
+    if timing.shift < 0:
+        raise source.fault(where, f"a shift of {float(timing.shift):g} s", "0 s or more")
+    if variability == "constant" and timing.interval is None:
+        raise source.fault(where, "a constant clock without an interval", "intervalDecimal")
+    return timing
 
 
 def _variable(
@@ -103,6 +171,7 @@ def _variable(
         element_units=units if len(units) == size else (),
         start=_start(source, element, type_, shape, where),
         description=attributes.get("description", ""),
+        timing=_timing(source, attributes, where) if type_ == "Clock" else None,
     )
     return variable, declared
 

@@ -16,6 +16,7 @@ from uuvsim_cosim.errors import UuvsimError
 from uuvsim_cosim.fmus.isolation.guard import guard_functions
 from uuvsim_cosim.orchestrator.master.core_library import (
     Action,
+    ClockKind,
     Coupling,
     Event,
     Failure,
@@ -205,6 +206,51 @@ class Core:
         state can be restored.
         """
         self._c.uuv_core_event_mode(self._core, member, group, *functions, repeats)
+
+    def inside(self, member: int, flag: int) -> None:
+        """Set the address of the int32 that is 1 while a member is in Event Mode."""
+        self._c.uuv_core_inside(self._core, member, flag)
+
+    def clocks(self, member: int, functions: Sequence[int]) -> None:
+        """Add the functions for the clocks of a member with Event Mode, 0 for one that it lacks.
+
+        They are GetClock, SetClock, GetIntervalDecimal and GetIntervalFraction.
+        """
+        self._c.uuv_core_clocks(self._core, member, *functions)
+
+    def clock(
+        self, member: int, reference: int, kind: ClockKind, asks: int, gates: Sequence[int]
+    ) -> None:
+        """Add a clock; clocks are numbered from 0 on. `gates` are clocks of the same member.
+
+        `asks` is 0, or 1 to ask for its interval by GetIntervalDecimal, 2 by GetIntervalFraction.
+        """
+        numbers = (ctypes.c_uint32 * len(gates))(*gates)
+        self._c.uuv_core_clock(self._core, member, reference, kind, asks, len(gates), numbers)
+
+    def clock_wire(self, source: tuple[int, int], target: tuple[int, int]) -> None:
+        """Let a clock (member, number) activate another."""
+        self._c.uuv_core_clock_wire(self._core, *source, *target)
+
+    def clocked(self, member: int, slot: int, clocks: Sequence[int]) -> None:
+        """Make the access with a slot only while one of these clocks is active."""
+        numbers = (ctypes.c_uint32 * len(clocks))(*clocks)
+        self._c.uuv_core_clocked(self._core, member, slot, len(clocks), numbers)
+
+    def clock_parts(self, parts: int) -> None:
+        """Divide a tick into equal parts, for the instants of periodic clocks."""
+        self._c.uuv_core_clock_parts(self._core, parts)
+
+    def clock_starts(
+        self, member: int, clock: int, first: tuple[int, int], period: tuple[int, int], s: float
+    ) -> None:
+        """Start a periodic clock: first instant and period in (ticks, parts), the period in `s`."""
+        self._c.uuv_core_clock_starts(self._core, member, clock, *first, *period, s)
+
+    def clock_waits(self, member: int, clock: int, tick: int, interval: float | None) -> None:
+        """Start another time-based clock, whose first interval [s] may not be known yet."""
+        known = interval is not None
+        self._c.uuv_core_clock_waits(self._core, member, clock, tick, known, interval or 0.0)
 
     def discrete(self, member: int, slot: int) -> None:
         """Set the inputs of the access with a slot in Event Mode only."""

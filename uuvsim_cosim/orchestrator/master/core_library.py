@@ -18,8 +18,9 @@ from uuvsim_cosim.content import content
 from uuvsim_cosim.errors import UuvsimError
 from uuvsim_cosim.fmus.description import Variable
 
-__all__ = ["Action", "Coupling", "Event", "Failure", "Outcome", "StepControl", "StepCounts", "Type",
-           "by_type", "decode", "encode", "library", "read_blob", "write_blob"]  # fmt: skip
+__all__ = ["Action", "ClockKind", "Coupling", "Event", "Failure", "Outcome", "StepControl",
+           "StepCounts", "Type", "by_type", "decode", "encode", "library", "read_blob",
+           "write_blob"]  # fmt: skip
 
 
 class Type(IntEnum):
@@ -74,6 +75,7 @@ class Outcome(IntEnum):
     EVENTS_DO_NOT_END = 10
     NO_PROGRESS = 11
     NOT_REPEATED = 12
+    BAD_INTERVAL = 13
 
 
 class Action(IntEnum):
@@ -87,6 +89,20 @@ class Action(IntEnum):
     ENTER_EVENT_MODE = 6
     UPDATE_DISCRETE_STATES = 7
     ENTER_STEP_MODE = 8
+    GET_CLOCK = 9
+    SET_CLOCK = 10
+    GET_INTERVAL_DECIMAL = 11
+    GET_INTERVAL_FRACTION = 12
+
+
+class ClockKind(IntEnum):
+    """Clock of FMI 3.0 as the loop handles it; numbers of uuv_core.h."""
+
+    PERIODIC = 0
+    CHANGING = 1
+    COUNTDOWN = 2
+    TRIGGERED_INPUT = 3
+    TRIGGERED_OUTPUT = 4
 
 
 class Failure(ctypes.Structure):
@@ -100,6 +116,7 @@ class Failure(ctypes.Structure):
         ("slot", ctypes.c_uint32),
         ("tick", ctypes.c_uint64),
         ("residual", ctypes.c_double),
+        ("value", ctypes.c_double),
     )
 
 
@@ -122,7 +139,7 @@ class Event(ctypes.Structure):
         ("tick", ctypes.c_uint64),
         ("offset", ctypes.c_double),
         ("member", ctypes.c_uint32),
-        ("input", ctypes.c_int32),
+        ("cause", ctypes.c_int32),
     )
 
 
@@ -227,6 +244,14 @@ def library() -> ctypes.CDLL:
         "uuv_core_step_counts": (None, [pointer, pointer]),
         "uuv_core_event_mode": (i, [pointer, u32, u32, pointer, pointer, pointer, i]),
         "uuv_core_discrete": (None, [pointer, u32, u32]),
+        "uuv_core_inside": (None, [pointer, u32, pointer]),
+        "uuv_core_clocks": (i, [pointer, u32, pointer, pointer, pointer, pointer]),
+        "uuv_core_clock": (i, [pointer, u32, u32, i, i, u32, pointer]),
+        "uuv_core_clock_wire": (i, [pointer, u32, u32, u32, u32]),
+        "uuv_core_clocked": (i, [pointer, u32, u32, u32, pointer]),
+        "uuv_core_clock_parts": (None, [pointer, u64]),
+        "uuv_core_clock_starts": (None, [pointer, u32, u32, u64, u64, u64, u64, double]),
+        "uuv_core_clock_waits": (None, [pointer, u32, u32, u64, i, double]),
         "uuv_core_n_events": (u32, [pointer]),
         "uuv_core_take_events": (None, [pointer, pointer]),
         "uuv_core_begin": (i32, [pointer, u64]),
@@ -255,7 +280,8 @@ def library() -> ctypes.CDLL:
         function.restype, function.argtypes = result, arguments
     # Functions that allocate memory return 0 if there is none.
     for name in ("access", "in_place", "transfer", "state", "iterate", "fault", "record",
-                 "vary", "extrapolate", "judge", "bond", "event_mode"):  # fmt: skip
+                 "vary", "extrapolate", "judge", "bond", "event_mode", "clocks", "clock",
+                 "clock_wire", "clocked"):  # fmt: skip
         getattr(c, f"uuv_core_{name}").errcheck = check_memory
     return c
 

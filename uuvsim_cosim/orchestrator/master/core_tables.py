@@ -18,6 +18,7 @@ from uuvsim_cosim.fmus.component import Binding, BindingKind, Component
 from uuvsim_cosim.fmus.description import Variable
 from uuvsim_cosim.fmus.isolation.isolated import Isolated
 from uuvsim_cosim.orchestrator.master.callback import CallbackBinding, component_binding
+from uuvsim_cosim.orchestrator.master.clocks import add_clock_wires, add_clocks, clocks_of
 from uuvsim_cosim.orchestrator.master.core import Access, Core
 from uuvsim_cosim.orchestrator.master.core_library import (
     Action,
@@ -42,6 +43,7 @@ class Placed:
     variable: Variable
     slot: int
     discrete: bool = False  # an input that is set in Event Mode only
+    clocks: tuple[str, ...] = ()  # set or read only while one of them is active
 
     @property
     def slots(self) -> range:
@@ -63,6 +65,7 @@ class Tables:
     bindings: tuple[Binding, ...]  # by member
     inputs: dict[tuple[int, str], Placed]  # by (index into Plan.components, name)
     outputs: dict[tuple[int, str], Placed]
+    clocks: dict[int, list[Variable]]  # by member, in the order of the loop
 
     def replace(self, member: int, component: Component) -> None:
         """Put another instance of the same FMU in a member's place."""
@@ -74,6 +77,8 @@ class Tables:
         else:
             binding = component.binding()
             self.core.instance(member, binding.instance, binding.functions.get("StateKept", 0))
+            if self.order[member] in self.plan.event_group_of:
+                self.core.inside(member, binding.functions["InEventMode"])
 
     def raw(self, placed: Placed) -> np.ndarray:
         """Return the slots of a variable: a view, valid until the core is freed."""
@@ -100,7 +105,8 @@ class Tables:
         The loop sets whole inputs in each step, so these slots must hold what a component has.
         """
         for i, placed in self.unconnected:
-            encode(placed.variable, components[i].get(placed.variable), self.raw(placed))
+            if not placed.clocks:
+                encode(placed.variable, components[i].get(placed.variable), self.raw(placed))
 
     def placed_at(self, slot: int) -> tuple[Placed, int]:
         """Find the variable and the element (from 0) of a slot."""
@@ -137,6 +143,7 @@ def tables_of(
             assert serve is not None  # a component in a child process is itself not isolated
             binding = shared_binding(component, serve)
         bindings.append(binding)
+    clocks = clocks_of(plan, components, order)
     inputs = _place(plan, _exchanged(plan, components, order, bindings, held, outputs=False), 0)
     first_output = sum(p.variable.size for p in inputs.values())
     read = [*recorded, *live]
@@ -160,6 +167,9 @@ def tables_of(
                 core.access(member, access)
         if i in plan.event_group_of:
             _use_event_mode(core, member, plan.event_group_of[i], components[i], b, set_[member])
+        if member in clocks:
+            placed_ = [*set_[member], *got[member]]
+            add_clocks(core, member, clocks[member], b, [(p.slot, p.clocks) for p in placed_])
         if b.kind == BindingKind.FMI1:
             for placed in (*set_[member], *got[member]):
                 for slot in placed.slots if placed.variable.negated else ():
@@ -173,8 +183,9 @@ def tables_of(
             b.exchange.open(*([p.variable for p in own[member]] for own in (set_, got)))
         if b.kind == BindingKind.NATIVE and "GetFMUState" in b.functions:
             core.state(member, *_state_functions(b, components[i]))
-    tables = Tables(core, plan, order, tuple(bindings), inputs, outputs)
+    tables = Tables(core, plan, order, tuple(bindings), inputs, outputs, clocks)
     _add_transfers(plan, tables)
+    add_clock_wires(core, plan, order, clocks)
     first = 0
     for group in plan.groups:
         size = len(group.members)
@@ -224,18 +235,22 @@ def _exchanged(
         else:
             names = {t.target_variable.name for t in plan.to_component.get(i, ())}
         names |= more.get(i, set())
-        yield member, i, [v for v in described.variables.values() if v.name in names]
+        found = (v for v in described.variables.values() if v.name in names)
+        yield member, i, [v for v in found if v.type != "Clock"]
 
 
 def _place(plan: Plan, exchanged: _Exchanged, first: int) -> dict[tuple[int, str], Placed]:
     placed = {}
     for member, i, variables in exchanged:
 
-        def discrete(v: Variable, events: bool = i in plan.event_group_of) -> bool:
-            return events and v.causality == "input" and v.variability != "continuous"
+        def discrete(
+            v: Variable, events: bool = i in plan.event_group_of
+        ) -> tuple[bool, tuple[str, ...]]:
+            own = events and v.causality == "input" and v.variability != "continuous"
+            return own, v.clocks if events else ()
 
         for v in by_type(sorted(variables, key=discrete)):
-            placed[i, v.name] = Placed(member, v, first, discrete(v))
+            placed[i, v.name] = Placed(member, v, first, *discrete(v))
             first += v.size
     return placed
 
@@ -249,7 +264,7 @@ def _by_member(placed: Mapping[tuple[int, str], Placed], n: int) -> list[list[Pl
 
 def _accesses(b: Binding, action: Action, placed: Sequence[Placed], path: str) -> Iterator[Access]:
     """Yield the calls that set or get a member's variables, one for each type."""
-    for (type_, _), same in groupby(placed, lambda p: (Type.of(p.variable), p.discrete)):
+    for (type_, *_), same in groupby(placed, lambda p: (Type.of(p.variable), p.discrete, p.clocks)):
         run = list(same)
         count = sum(p.variable.size for p in run)
         of = _offsets if b.kind == BindingKind.NATIVE else lambda v: v.value_references
@@ -368,6 +383,7 @@ def _use_event_mode(
     functions = [_function(b, name, component.path) for name in names]
     repeats = component.description.can_get_and_set_state
     core.event_mode(member, group, functions, repeats)
+    core.inside(member, b.functions["InEventMode"])
     if repeats:
         core.state(member, *_state_functions(b, component))
     for placed in inputs:

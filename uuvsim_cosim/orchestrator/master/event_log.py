@@ -15,8 +15,8 @@ __all__ = ["Event", "event_counts", "write_events"]
 class Event:
     """Event of a component, at communication point `tick` plus `offset` [s]; `time` is the sum [s].
 
-    `cause` is "reported" by the component, or "input" if a discrete input changed at the
-    communication point.
+    `cause` is "reported" by the component, "input" if a discrete input changed at the
+    communication point, or "clock NAME" if a clock of the component ticked.
     """
 
     component: str

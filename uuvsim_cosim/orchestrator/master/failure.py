@@ -131,7 +131,9 @@ def _reason(failure: Failure, tables: Tables, component: Component) -> str:
     if outcome == Outcome.EVENTS_DO_NOT_END:
         group = next(g for g in tables.plan.events or () if tables.order[failure.member] in g)
         names = ", ".join(tables.plan.components[i].path for i in group)
-        if failure.status:
+        if failure.status == 2:
+            cause = f"clock {tables.clocks[failure.member][failure.slot].name} ticks each time"
+        elif failure.status:
             cause = "it needs another round of fmi3UpdateDiscreteStates"
         else:
             placed, element = tables.placed_at(failure.slot)
@@ -140,6 +142,13 @@ def _reason(failure: Failure, tables: Tables, component: Component) -> str:
         return (
             f"the event iteration of {names} at t = {failure.residual:.9g} s does not end: after "
             f"100 rounds {cause}; expected a fixed point"
+        )
+    if outcome == Outcome.BAD_INTERVAL:
+        clock = tables.clocks[failure.member][failure.slot]
+        least = "more than 0 s" if clock.timing and clock.timing.is_periodic else "0 s or more"
+        return (
+            f"the interval of clock {clock.name} is {failure.value:.9g} s at "
+            f"t = {failure.residual:.9g} s; expected {least}"
         )
     if outcome == Outcome.NO_PROGRESS:
         cause = "fmi3DoStep returned early without progress"

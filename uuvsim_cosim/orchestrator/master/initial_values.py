@@ -44,7 +44,10 @@ def set_inputs(components: Sequence[Component], transfers: Iterable[Transfer]) -
 
     Raises FmuError, which names the sources if a target refuses a value.
     """
-    transfers = list(transfers)
+    # Clocked variables are exchanged when their clocks tick, at the first instant too.
+    transfers = [
+        t for t in transfers if not t.source_variable.clocks and not t.target_variable.clocks
+    ]
     read: dict[tuple[int, str], np.ndarray] = {}
     pending: dict[tuple[int, str], tuple[Variable, np.ndarray]] = {}
     for t in transfers:

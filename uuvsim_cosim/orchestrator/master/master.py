@@ -26,6 +26,7 @@ from uuvsim_cosim.fmus.component import Component
 from uuvsim_cosim.fmus.description import Variable
 from uuvsim_cosim.fmus.isolation.guard import AtComponentExit
 from uuvsim_cosim.orchestrator.master import snapshot as snapshots
+from uuvsim_cosim.orchestrator.master.clocks import cause_of, start_clocks
 from uuvsim_cosim.orchestrator.master.core_library import (
     Failure,
     Outcome,
@@ -710,6 +711,8 @@ class Master:
             self._build_tables()
         tables = self._ready()
         tables.show_unconnected(self.components)
+        start_clocks(tables.core, self.plan.tick, self.components, tables.order, tables.clocks,
+                     self._start_tick)  # fmt: skip
         failure = tables.core.begin(self._start_tick)
         self._emit()
         if failure is not None:
@@ -796,7 +799,7 @@ class Master:
             self.events += [
                 Event(
                     self.plan.components[tables.order[e.member]].path, e.tick, e.offset,
-                    self._seconds(e.tick) + e.offset, "input" if e.input else "reported",
+                    self._seconds(e.tick) + e.offset, cause_of(e, tables.clocks),
                 )
                 for e in tables.core.take_events()
             ]  # fmt: skip

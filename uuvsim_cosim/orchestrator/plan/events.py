@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from uuvsim_cosim.errors import Problem, SystemInvalid
+from uuvsim_cosim.orchestrator.plan.clocks import clock_notes
 from uuvsim_cosim.orchestrator.plan.plan import Plan
 
 __all__ = ["with_events"]
@@ -45,7 +46,7 @@ def with_events(plan: Plan, *, varies: bool) -> Plan:
         raise SystemInvalid(problems)
     if not group:
         warnings.append("events: no component is an FMU of FMI 3.0 with Event Mode")
-    for t in plan.transfers:
+    for t in (*plan.transfers, *plan.clocks):
         a, b = group.get(t.source), group.get(t.target)
         steps = {plan.components[i].step_ticks for i in (t.source, t.target)}
         if a is None or b is None or a == b:
@@ -60,5 +61,5 @@ def with_events(plan: Plan, *, varies: bool) -> Plan:
     members = (
         tuple(i for i, n in group.items() if n == first) for first in sorted({*group.values()})
     )
-    warnings = list(dict.fromkeys(warnings))
+    warnings = list(dict.fromkeys([*warnings, *clock_notes(plan)]))
     return replace(plan, events=tuple(members), warnings=(*plan.warnings, *warnings))

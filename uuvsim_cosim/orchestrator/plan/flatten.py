@@ -9,6 +9,7 @@ from fractions import Fraction
 from uuvsim_cosim.errors import Problem, SystemInvalid
 from uuvsim_cosim.fmus.description import Variable
 from uuvsim_cosim.orchestrator.plan.algebraic_loops import apply_loop_policy, iteration_obstacles
+from uuvsim_cosim.orchestrator.plan.clocks import check_clocks
 from uuvsim_cosim.orchestrator.plan.events import with_events
 from uuvsim_cosim.orchestrator.plan.hull_checks import hull_warnings
 from uuvsim_cosim.orchestrator.plan.initialization import initialization_order
@@ -66,7 +67,8 @@ def flatten(system: System, seed: int = 0, loops: Loops | None = None) -> Plan:
     mixed += sinking
     if mixed and system.mismatches == "refuse":
         raise SystemInvalid(or_forced(mixed))
-    transfers = flat_.transfers()
+    every = flat_.transfers()
+    transfers = tuple(t for t in every if t.source_variable.type != "Clock")
     plan = Plan(
         tick=system.base_step,
         components=tuple(flat_.components),
@@ -81,10 +83,12 @@ def flatten(system: System, seed: int = 0, loops: Loops | None = None) -> Plan:
         ),
         loops=system.loops if loops is None else loops,
         start=Fraction(str(system.start_time)),
+        clocks=tuple(t for t in every if t.source_variable.type == "Clock"),
     )
     plan = apply_loop_policy(plan, flat_.ungrouped)
     if system.events:
         plan = with_events(plan, varies=system.variable_step is not None)
+    check_clocks(plan)
     if system.variable_step is None:
         return plan
     about = plan.tick, plan.components, plan.transfers, plan.groups

@@ -139,6 +139,7 @@ class Plan:
     loops: Loops = "delay"
     start: Fraction = Fraction()  # s, time at which a run begins by default
     variable: PlannedVariableStep | None = None  # None: every step is a whole tick
+    clocks: tuple[Transfer, ...] = ()  # connections of clocks, which carry ticks instead of values
     # Components that use Event Mode; those of a group have their events together. None: no events.
     events: tuple[tuple[int, ...], ...] | None = None
 

@@ -144,6 +144,9 @@ def _pair(w: Wire) -> tuple[object, ...]:
 def _check_ends(source: Endpoint, target: Endpoint) -> None:
     """Check causality, sizes and types of a connection's ends; raises Misfit."""
     a, b = source.variable, target.variable
+    if a.type == b.type == "Clock":
+        _check_clocks(source, target)
+        return
     if a.causality == "input" and b.causality == "output":
         raise Misfit("from an input to an output", "the other way round, output to input")
     if a.causality != "output":
@@ -163,6 +166,28 @@ def _check_ends(source: Endpoint, target: Endpoint) -> None:
     both_whole = all("Int" in v.type or v.type == "Enumeration" for v in (a, b))
     if a.type != b.type and not to_float and not both_whole:
         raise Misfit(f"type {a.type} to type {b.type}", "equal types")
+
+
+def _check_clocks(source: Endpoint, target: Endpoint) -> None:
+    """Check a connection of clocks; raises Misfit.
+
+    The master activates time-based clocks itself, also those of inputs, so that each of them can be
+    a source. Only a triggered input clock can be a target.
+    """
+    a, b = source.variable, target.variable
+    assert a.timing is not None
+    assert b.timing is not None
+    if a.causality != "output" and not (a.causality == "input" and a.timing.is_time_based):
+        raise Misfit(
+            f"from the {a.timing.variability} {a.causality} clock {source.element}.{a.name}",
+            "an output clock, or a time-based input clock",
+        )
+    if b.causality != "input" or b.timing.is_time_based:
+        raise Misfit(
+            f"to the {b.timing.variability} {b.causality} clock {target.element}.{b.name}, which "
+            "does not tick with another clock",
+            "a triggered input clock",
+        )
 
 
 def _size(point: Endpoint) -> str:
