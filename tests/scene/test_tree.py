@@ -13,9 +13,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
+from uuvsim_cosim.fmus.codegen.processor import processor_flags
 from uuvsim_cosim.fmus.codegen.runtime import runtime
 from uuvsim_cosim.fmus.codegen.toolchain import compile_shared
-from uuvsim_cosim.kernels.codegen.program import processor_flags
 from uuvsim_cosim.models.shapes.tree import NOBODY, Tree, node_boxes, tree_of
 from uuvsim_cosim.models.worlds.obstacles import Box, Capsule, Cylinder, Obstacle, Sphere
 from uuvsim_cosim.models.worlds.placed_mesh import PlacedMesh, placed_mesh

@@ -13,9 +13,9 @@ from scipy import stats
 
 from uuvsim_cosim.content import content
 from uuvsim_cosim.errors import InputInvalid
+from uuvsim_cosim.fmus.codegen.processor import processor_flags
 from uuvsim_cosim.fmus.codegen.runtime import runtime
 from uuvsim_cosim.fmus.codegen.toolchain import compile_shared
-from uuvsim_cosim.kernels.codegen.program import processor_flags
 from uuvsim_cosim.models.worlds.obstacles import Box, Obstacle, Sphere
 from uuvsim_cosim.models.worlds.scene import Scene
 from uuvsim_cosim.models.worlds.sonar_geometry import (

@@ -406,8 +406,9 @@ def _address(array: NDArray[Any]) -> int:
 def _compiled(f: Any, n_in: int, n_out: int) -> Callable[..., None]:
     """Compile a function of one column into one on arrays (fmus/kernels/uuv_lane_arrays.h)."""
     from uuvsim_cosim.fmus.codegen.emit_c import emit_function
+    from uuvsim_cosim.fmus.codegen.processor import processor_flags
     from uuvsim_cosim.fmus.codegen.toolchain import load_library
-    from uuvsim_cosim.kernels.codegen.program import compiled, processor_flags
+    from uuvsim_cosim.kernels.codegen.program import compiled
 
     called = sorted({g.name() for g in f.find_functions()})
     if called:

@@ -4,20 +4,19 @@ from __future__ import annotations
 
 import ctypes
 import os
-import platform
 from collections.abc import Callable, Mapping
-from functools import cached_property, lru_cache, partial
+from functools import cached_property, partial
 from pathlib import Path
 
 import numpy as np
 
 from uuvsim_cosim.cache import content_hash
 from uuvsim_cosim.content import content
+from uuvsim_cosim.fmus.codegen.processor import processor_flags
 from uuvsim_cosim.fmus.codegen.runtime import runtime
 from uuvsim_cosim.fmus.codegen.toolchain import (
     Signatures,
     compile_shared,
-    compiler,
     generated_sources,
     load_library,
     refuse_to_compile,
@@ -28,7 +27,7 @@ from uuvsim_cosim.kernels.codegen.fusible import Fused
 from uuvsim_cosim.kernels.codegen.outline import changed, written
 from uuvsim_cosim.share import compute_in_threads
 
-__all__ = ["Program", "compiled", "compiled_draws", "processor_flags"]
+__all__ = ["Program", "compiled", "compiled_draws"]
 
 
 def compiled(name: str, text: str, flags: tuple[str, ...]) -> Path:
@@ -47,30 +46,6 @@ def compiled_draws(flags: tuple[str, ...]) -> Path:
     source = content("fmus", "kernels") / "float_draws.c"
     include = [content("fmus", "kernels"), *runtime()]
     return compile_shared([source], name="float_draws", include=include, flags=flags)
-
-
-@lru_cache
-def _processor() -> str:
-    """Return an id of this machine's processor: code compiled for it does not run on others."""
-    try:
-        lines = Path("/proc/cpuinfo").read_text().split("\n\n", 1)[0].splitlines()
-    except OSError:
-        return content_hash([platform.machine(), platform.processor(), platform.node()])[:16]
-    wanted = ("model name", "flags", "Features", "CPU part", "CPU implementer", "isa")
-    return content_hash([line for line in lines if line.startswith(wanted)])[:16]
-
-
-def processor_flags(baseline: bool) -> tuple[str, ...]:
-    """Return the compiler's options for this machine's processor, or none for every one."""
-    if baseline:
-        return ()
-    zig = "ziglang" in compiler()[0]
-    arm = platform.machine().lower() in ("aarch64", "arm64")
-    option = "-mcpu=native" if zig or arm else "-march=native"
-    # GCC 12 contracts expressions that look like a product of complex numbers (a rotated box),
-    # which changes bits, although contraction is off.
-    options = (option,) if zig else (option, "-fno-tree-slp-vectorize")
-    return *options, f"-DUUV_PROCESSOR=0x{_processor()}"  # the latter only for the cache's key
 
 
 class Program:

@@ -12,6 +12,7 @@ import numpy as np
 
 from uuvsim_cosim.cache import content_hash
 from uuvsim_cosim.errors import InputInvalid, Problem, SystemInvalid
+from uuvsim_cosim.fmus.codegen.processor import processor_flags
 from uuvsim_cosim.fmus.resources import refuse_unless_it_fits
 from uuvsim_cosim.kernels.batch.batch import Batch, Seeds
 from uuvsim_cosim.kernels.batch.memory import Lanes, Signal, aligned, signal_of
@@ -21,7 +22,7 @@ from uuvsim_cosim.kernels.codegen.derivative import (
     derivative_text,
     tape_cells,
 )
-from uuvsim_cosim.kernels.codegen.program import Program, compiled, processor_flags
+from uuvsim_cosim.kernels.codegen.program import Program, compiled
 from uuvsim_cosim.models.hull.contact import HullContact, HullPlace
 from uuvsim_cosim.models.intrinsics.network import NETWORKS, Network
 from uuvsim_cosim.models.intrinsics.table import TABLES

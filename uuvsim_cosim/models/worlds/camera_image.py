@@ -234,6 +234,7 @@ def _noise(seed: int, p: Array) -> float:
     for corner in np.ndindex(2, 2, 2):
         i, j, k = (int(c) + n for c, n in zip(cell, corner, strict=True))
         h = seed + i * 0xD1342543DE82EF95 + j * 0xAF251AF3B0F025B5 + k * 0x9FB21C651E98DF25
-        value = (_mix(h % WORD) >> 32) * 2.0**-31 - 1.0
+        h = ((h % WORD) ^ (h % WORD >> 32)) * 0xFF51AFD7ED558CCD % WORD
+        value = ((h ^ (h >> 32)) & 0xFFFFFFFF) * 2.0**-31 - 1.0
         total += value * float(np.prod(np.where(corner, a, 1.0 - a)))
     return total

@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from uuvsim_cosim.content import content
 from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.fmus.codegen.camera_data import camera_arrays, camera_numbers
+from uuvsim_cosim.fmus.codegen.processor import processor_flags
 from uuvsim_cosim.fmus.codegen.runtime import runtime
 from uuvsim_cosim.fmus.codegen.toolchain import compile_shared
 from uuvsim_cosim.models.sensors.color_camera import REFLECTANCE, SUN, TEXTURE_SIZE
@@ -198,7 +199,8 @@ class _CameraStruct(ctypes.Structure):
 @lru_cache
 def _library() -> ctypes.CDLL:
     source = content("fmus", "kernels") / "camera_batch.c"
-    return opened(compile_shared([source], name="camera_batch", include=runtime()))
+    flags = processor_flags(baseline=False)
+    return opened(compile_shared([source], name="camera_batch", include=runtime(), flags=flags))
 
 
 def opened(library: Path) -> ctypes.CDLL:
