@@ -143,15 +143,21 @@ def c_fmu(tmp_path_factory: pytest.TempPathFactory) -> CFmu:
 
 
 def foreign_fmu(
-    name: str, folder: Path, *, edits: Iterable[tuple[str, str]] = (), fault: int = 0
+    name: str,
+    folder: Path,
+    *,
+    edits: Iterable[tuple[str, str]] = (),
+    fault: int = 0,
+    source: Path | None = None,
+    xml: Path | None = None,
 ) -> Path:
     """Compile NAME_fmi3.c of tests/fmus/foreign, with edits of its description and a fault."""
     import fmpy
 
     include = [Path(fmpy.__file__).parent / "c-code"]
-    source, flags = FOREIGN / f"{name}_fmi3.c", [f"-DFAULT={fault}"]
-    library = compile_shared([source], name=name, include=include, flags=flags)
-    text = (FOREIGN / f"{name}_fmi3.xml").read_text()
+    source = source or FOREIGN / f"{name}_fmi3.c"
+    library = compile_shared([source], name=name, include=include, flags=[f"-DFAULT={fault}"])
+    text = (xml or source.with_suffix(".xml")).read_text()
     for old, new in edits:
         assert old in text
         text = text.replace(old, new)

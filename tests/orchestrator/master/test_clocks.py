@@ -16,6 +16,7 @@ from uuvsim_cosim.kernels.kernel import fuse
 from uuvsim_cosim.orchestrator.master.master import Master
 from uuvsim_cosim.orchestrator.master.prepared import prepare
 from uuvsim_cosim.orchestrator.plan.flatten import flatten
+from uuvsim_cosim.orchestrator.running.conformance_run import judge
 
 Build = Callable[..., str]
 CONSTANT = 'intervalVariability="constant" intervalDecimal="0.1"'
@@ -311,3 +312,9 @@ def test_clocks_without_events_are_refused_by_name(
         fuse(system.with_events())
     with pytest.raises(InputInvalid, match="events: a: uses Event Mode together with --isolate"):
         uuv.run(system.with_events(), until=1.0, isolate=["a"], out=tmp_path / "run")
+
+
+def test_an_fmu_with_clocks_runs_in_the_conformance_table(clockwork: Build) -> None:
+    """Its clock k ticks 100 times in 10 s, and so does the output that follows it."""
+    found = judge(Path(clockwork()), "CoSimulation", 10.0)
+    assert found == ("runs", "with events, to 10 s; its clocks tick 200 times, without a reference")

@@ -59,6 +59,8 @@ def _fmu(fmu: FmuArchive, until: float) -> tuple[str, str]:
     runs = reliance(fmu)["run"]
     if runs.startswith("no"):
         return "refused", f"{runs.removeprefix('no: ')}; there: {', '.join(fmu.binaries) or 'none'}"
+    if fmu.description.has_event_mode and fmu.description.clocks:
+        return _ticking(fmu, until)
     texts: list[str] = []
     own: list[Reference] = []
     try:
@@ -82,6 +84,21 @@ def _fmu(fmu: FmuArchive, until: float) -> tuple[str, str]:
             return "equal", "; ".join(texts)
     result, text = _beside_fmpy(fmu, until)
     return result, "; ".join([text, *texts])
+
+
+def _ticking(fmu: FmuArchive, until: float) -> tuple[str, str]:
+    """Run an FMU with clocks alone, with events; neither FMPy nor fmi-ls-ref has its ticks."""
+    from uuvsim_cosim.orchestrator.running.run import run
+    from uuvsim_cosim.orchestrator.system.system import System
+
+    start, stop, step = default_experiment(fmu)
+    end = min(stop if stop is not None and stop > start else start + until, start + until)
+    tick = Fraction(str(step or DEFAULT_STEP))
+    with tempfile.TemporaryDirectory() as scratch:
+        system = System("conformance", tick).add("fmu", str(fmu.path)).with_events()
+        done = run(system, until=end, out=Path(scratch) / "run", progress=False)
+    n = sum(e.cause.startswith("clock ") for e in done.events or ())
+    return "runs", f"with events, to {end:g} s; its clocks tick {n} times, without a reference"
 
 
 def _beside(fmu: FmuArchive) -> list[Reference]:
