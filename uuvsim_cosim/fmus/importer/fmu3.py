@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ctypes
 import os
+from collections.abc import Callable, Mapping
 from typing import ClassVar, final
 
 import numpy as np
@@ -75,6 +76,16 @@ class Fmu3(FmuBinary):
         "UpdateDiscreteStates": (_I, (_P, _P, _P, _P, _P, _P, _P)),
         "CompletedIntegratorStep": (_I, (_P, _B, _P, _P)),
     }
+    further_signatures: ClassVar[Mapping[str, Signatures]] = {
+        "ScheduledExecution": {
+            "InstantiateScheduledExecution": (_P, (_S, _S, _S, _B, _B, _P, _P, _P, _P, _P)),
+            "ActivateModelPartition": (_I, (_P, ctypes.c_uint32, _D)),
+            "GetIntervalDecimal": (_I, (_P, _P, _Z, _P, _P)),
+            "GetShiftDecimal": (_I, (_P, _P, _Z, _P)),
+        }
+    }
+    on_clock_update: Callable[[], None]  # of Scheduled Execution; the component sets it
+    locks = 0  # of preemption, less the unlocks
 
     def _instantiate(self, logging_on: bool) -> int | None:
         resources = self.archive.folder / "resources"
@@ -85,6 +96,15 @@ class Fmu3(FmuBinary):
         if self.archive.interface == "ModelExchange":
             instantiate = self._library.function("InstantiateModelExchange")
             instance = instantiate(name, token, path, False, logging_on, *log)
+            return instance
+        if self.archive.interface == "ScheduledExecution":
+            self._callbacks = (  # kept, as the FMU calls them
+                ctypes.CFUNCTYPE(None, _P)(lambda _: self.on_clock_update()),
+                ctypes.CFUNCTYPE(None)(lambda: self._lock(1)),
+                ctypes.CFUNCTYPE(None)(lambda: self._lock(-1)),
+            )
+            instantiate = self._library.function("InstantiateScheduledExecution")
+            instance = instantiate(name, token, path, False, logging_on, *log, *self._callbacks)
             return instance
         instance = self._library.function("InstantiateCoSimulation")(
             name,
@@ -100,6 +120,9 @@ class Fmu3(FmuBinary):
             None,
         )
         return instance
+
+    def _lock(self, count: int) -> None:
+        self.locks += count
 
     def enter_initialization_mode(self, start_time: float, stop_time: float | None) -> None:
         """Enter Initialization Mode, after start values have been set."""
