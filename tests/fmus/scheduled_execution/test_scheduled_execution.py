@@ -20,7 +20,7 @@ from uuvsim_cosim.orchestrator.master.master import Master
 from uuvsim_cosim.orchestrator.master.prepared import prepare
 from uuvsim_cosim.orchestrator.plan.flatten import flatten
 
-FOREIGN = Path(__file__).parents[1] / "foreign"
+HERE = Path(__file__).parent
 COUNTS = ("n_fast", "n_slow", "n_shrink", "n_late", "n_asked", "seen")
 Tasks = Callable[..., Path]
 
@@ -38,12 +38,12 @@ def tasks(tmp_path_factory: pytest.TempPathFactory) -> Tasks:
 
     def build(fault: int = 0, edit: tuple[str, str] = ("", "")) -> Path:
         library = compile_shared(
-            [FOREIGN / "tasks_fmi3.c"],
+            [HERE / "tasks_fmi3.c"],
             name="tasks",
             include=[Path(fmpy.__file__).parent / "c-code"],
             flags=[f"-DFAULT={fault}"],
         )
-        text = (FOREIGN / "tasks_fmi3.xml").read_text()
+        text = (HERE / "tasks_fmi3.xml").read_text()
         assert edit[0] in text
         text = text.replace(*edit) if edit[0] else text
         members = {
