@@ -124,7 +124,7 @@ CO_SIMULATION = "<CoSimulation modelIdentifier"
         (2, 'fmiVersion="2.0"', 'fmiVersion="1.1"', "fmiVersion: '1.1'; expected .* 2.0 or 3.0"),
         (3, 'fmiVersion="3.0"', 'fmiVersion="3.0-beta.2"', "fmiVersion"),
         (2, CO_SIMULATION, "<Nothing modelIdentifier", "is for nothing that FMI knows only"),
-        (3, CO_SIMULATION, "<ScheduledExecution modelIdentifier", "ScheduledExecution only"),
+        (2, CO_SIMULATION, "<ScheduledExecution modelIdentifier", "FMI knows only"),
         (
             2,
             'variability="tunable"><Real start="1"/>',

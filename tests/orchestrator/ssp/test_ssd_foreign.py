@@ -420,8 +420,8 @@ def test_prefixes_without_a_namespace_are_taken_as_those_of_ssp(read: Read, tmp_
     [
         ('<ssd:Component name="a"/>', "a: no source; expected an FMU"),
         ('<ssd:Component name="a" source="x.mo" type="text/x-modelica"/>', "x.mo"),
-        ('<ssd:Component name="a" source="fake:filter" implementation="ScheduledExecution"/>',
-         "implementation 'ScheduledExecution'"),
+        ('<ssd:Component name="a" source="fake:filter" implementation="Sequential"/>',
+         "implementation 'Sequential'"),
         (f'<ssd:Component name="a" source="fake:filter">{HINT.format("soon")}</ssd:Component>',
          "step 'soon'; expected seconds"),
         (f'<ssd:Component name="a" source="fake:filter">{HINT.format("0")}</ssd:Component>',

@@ -177,7 +177,11 @@ def inspect(
         for key, value in found.items():
             put(key, value)
         return
-    words = {"CoSimulation": "Co-Simulation", "ModelExchange": "Model Exchange"}
+    words = {
+        "CoSimulation": "Co-Simulation",
+        "ModelExchange": "Model Exchange",
+        "ScheduledExecution": "Scheduled Execution",
+    }
     able = [name.replace("_", " ") for name, yes in found["capabilities"].items() if yes]
     rows = [
         ("file", tilde(file)),

@@ -158,8 +158,9 @@ def run_command(
     interface: Annotated[
         str | None,
         typer.Option(
-            autocompletion=of("CoSimulation", "ModelExchange"),
-            help="For an .fmu that offers both: CoSimulation (cs) or ModelExchange (me).",
+            autocompletion=of("CoSimulation", "ModelExchange", "ScheduledExecution"),
+            help="For an .fmu that offers several: CoSimulation (cs), ModelExchange (me) or "
+            "ScheduledExecution (se).",
         ),
     ] = None,
 ) -> None:
@@ -310,10 +311,10 @@ def _run_fmu(
         raise InputInvalid(f"--out {target}: ending {target.suffix!r} was read", ".csv")
     if not target.absolute().parent.is_dir():
         raise InputInvalid(target, "its folder does not exist", "a file in a folder")
-    known = {"cs": "CoSimulation", "me": "ModelExchange"}
+    known = {"cs": "CoSimulation", "me": "ModelExchange", "se": "ScheduledExecution"}
     named = {word.lower(): name for short, name in known.items() for word in (short, name)}
     if interface is not None and interface.lower() not in named:
-        expected = "CoSimulation (cs) or ModelExchange (me)"
+        expected = "CoSimulation (cs), ModelExchange (me) or ScheduledExecution (se)"
         raise InputInvalid(f"--interface {interface}: expected {expected}")
     chosen = None if interface is None else named[interface.lower()]
     traced: AbstractContextManager[Trace | None] = nullcontext()

@@ -5,6 +5,7 @@ from __future__ import annotations
 import ctypes
 import math
 import os
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from typing import ClassVar, final
@@ -94,6 +95,14 @@ class Fmu3(FmuBinary):
         "UpdateDiscreteStates": (_I, (_P, _P, _P, _P, _P, _P, _P)),
         "CompletedIntegratorStep": (_I, (_P, _B, _P, _P)),
     }
+    further_signatures: ClassVar[Mapping[str, Signatures]] = {
+        "ScheduledExecution": {
+            "InstantiateScheduledExecution": (_P, (_S, _S, _S, _B, _B, _P, _P, _P, _P, _P)),
+            "ActivateModelPartition": (_I, (_P, ctypes.c_uint32, _D)),
+        }
+    }
+    on_clock_update: Callable[[], None]  # of Scheduled Execution; the component sets it
+    locks = 0  # of preemption, less the unlocks
 
     def _instantiate(self, logging_on: bool) -> int | None:
         # Shared with the stepping loop in C: 1 while the instance is in Event Mode.
@@ -107,6 +116,15 @@ class Fmu3(FmuBinary):
         if self.archive.interface == "ModelExchange":
             instantiate = self._library.function("InstantiateModelExchange")
             instance = instantiate(name, token, path, False, logging_on, *log)
+            return instance
+        if self.archive.interface == "ScheduledExecution":
+            self._callbacks = (  # kept, as the FMU calls them
+                ctypes.CFUNCTYPE(None, _P)(lambda _: self.on_clock_update()),
+                ctypes.CFUNCTYPE(None)(lambda: self._lock(1)),
+                ctypes.CFUNCTYPE(None)(lambda: self._lock(-1)),
+            )
+            instantiate = self._library.function("InstantiateScheduledExecution")
+            instance = instantiate(name, token, path, False, logging_on, *log, *self._callbacks)
             return instance
         instance = self._library.function("InstantiateCoSimulation")(
             name,
@@ -122,6 +140,9 @@ class Fmu3(FmuBinary):
             None,
         )
         return instance
+
+    def _lock(self, count: int) -> None:
+        self.locks += count
 
     def enter_initialization_mode(self, start_time: float, stop_time: float | None) -> None:
         """Enter Initialization Mode, after start values have been set."""

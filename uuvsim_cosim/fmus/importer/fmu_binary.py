@@ -5,7 +5,7 @@ from __future__ import annotations
 import ctypes
 from abc import ABC, abstractmethod
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from enum import Enum
 from pathlib import Path
 from typing import Any, ClassVar
@@ -81,6 +81,7 @@ class FmuBinary(ABC):
     prefix: ClassVar[str]
     kind: ClassVar[BindingKind]
     signatures: ClassVar[Signatures]
+    further_signatures: ClassVar[Mapping[str, Signatures]] = {}  # by interface type
     state_word: ClassVar[str]  # FMUstate or FMUState
     deserialize: ClassVar[str]
     counts_values: ClassVar[bool]  # whether a number of values follows their addresses
@@ -104,7 +105,8 @@ class FmuBinary(ABC):
         self._orphans: list[int] = []
         # Shared with the stepping loop in C, which sets it for states that it keeps itself.
         self._has_kept = ctypes.c_int32(0)
-        self._library = library(archive, self._exported_prefix(archive), self.signatures)
+        signatures = {**self.signatures, **self.further_signatures.get(archive.interface, {})}
+        self._library = library(archive, self._exported_prefix(archive), signatures)
         self._library.component = path.encode()
         once = self.description.can_be_instantiated_only_once
         if once and _living[self._library.file]:

@@ -24,7 +24,7 @@ from uuvsim_cosim.fmus.values import checked_start, parse_value
 
 __all__ = ["FmuArchive", "read_description", "read_fmu"]
 
-Interface = Literal["CoSimulation", "ModelExchange"]
+Interface = Literal["CoSimulation", "ModelExchange", "ScheduledExecution"]
 _Kind = Literal["FMI 1.0", "FMI 2.0", "FMI 3.0"]
 _Reader = Callable[[Source, Element], tuple[dict[str, Variable], dict[str, Mapping[int, str]]]]
 _INTERFACES: tuple[Interface, ...] = get_args(Interface)  # the first that an FMU has is used
@@ -51,6 +51,7 @@ class FmuArchive:
     tolerance: float = 1e-6  # relative, of the integrator of a Model Exchange FMU
     sources: Sources | None = None  # compiled if there is no binary
     structure: Mapping[str, object] = field(default_factory=dict)  # structural parameters, as set
+    output_clocks: Mapping[str, int] = field(default_factory=dict)  # of Scheduled Execution
     events: bool = False  # an instance uses Event Mode and may return early
     remarks: tuple[str, ...] = ()  # properties that differ from FMI, which each run reports
 
@@ -77,7 +78,8 @@ def read_fmu(
 ) -> FmuArchive:
     """Unpack an .fmu into the cache and read it.
 
-    `interface` is CoSimulation or ModelExchange; by default Co-Simulation if the FMU has both.
+    `interface` is CoSimulation, ModelExchange or ScheduledExecution; by default, the first of these
+    that the FMU has. In Scheduled Execution, clocks become Boolean variables.
     `structure` are values of structural parameters, as text or as numbers; each instance gets
     them in Configuration Mode, and the shapes of arrays result from them. Raises FmuError
     for an archive that cannot be read, for FMI versions other than 1.0, 2.0 and 3.0, and for an
@@ -95,14 +97,14 @@ def read_fmu(
     if version == "1.0":
         there = _interfaces_fmi1(root, path)
     else:
-        there = {i: e for i in _INTERFACES if (e := root.find(i)) is not None}
+        known = _INTERFACES if version == "3.0" else _INTERFACES[:2]
+        there = {i: e for i in known if (e := root.find(i)) is not None}
     chosen = next((i for i in there if interface in (None, i)), None)
     if chosen is None and interface is not None:
         raise FmuError(shown(path), f"has no {interface}", f"one of {', '.join(there) or 'none'}")
     if chosen is None:
-        scheduled = root.find("ScheduledExecution") is not None
-        only = "ScheduledExecution" if scheduled else "nothing that FMI knows"
-        raise FmuError(shown(path), f"is for {only} only", "Co-Simulation or Model Exchange")
+        expected = "Co-Simulation, Model Exchange or, in FMI 3.0, Scheduled Execution"
+        raise FmuError(shown(path), "is for nothing that FMI knows only", expected)
     element = there[chosen]
     kind, read, token = _READERS[version]
     variables, enumerations = read(source, root)
@@ -123,6 +125,15 @@ def read_fmu(
         items = tuple((item, number) for number, item in enumerations[name].items())
         variables[name] = replace(variables[name], items=items)
 
+    output_clocks: dict[str, int] = {}
+    if chosen == "ScheduledExecution":
+        output_clocks = {
+            v.name: v.value_references[0]
+            for v in variables.values()
+            if v.type == "Clock" and v.causality == "output"
+        }
+        variables = _with_ticks(root, variables)
+
     def of_experiment(attribute: str) -> float | None:
         experiment = root.find("DefaultExperiment")
         if experiment is None:
@@ -141,7 +152,7 @@ def read_fmu(
         can_get_and_set_state=flag(element, "canGetAndSetFMUstate", "canGetAndSetFMUState"),
         can_serialize_state=flag(element, "canSerializeFMUstate", "canSerializeFMUState"),
         can_be_instantiated_only_once=flag(element, "canBeInstantiatedOnlyOncePerProcess"),
-        can_handle_variable_step=chosen == "ModelExchange"  # this package's solver ends anywhere
+        can_handle_variable_step=chosen != "CoSimulation"  # this package ends a step anywhere
         or flag(element, "canHandleVariableCommunicationStepSize"),
         has_event_mode=chosen == "CoSimulation" and flag(element, "hasEventMode"),
         provides_directional_derivatives=flag(
@@ -181,6 +192,7 @@ def read_fmu(
         tolerance=of_experiment("tolerance") or 1e-6,
         sources=read_sources(folder, element, identifier, shown(path)),
         structure=given,
+        output_clocks=output_clocks,
         remarks=tuple(source.remarks),
     )
 
@@ -212,6 +224,25 @@ def _interfaces_fmi1(root: Element, path: Path) -> dict[Interface, Element]:
         )
     capabilities = implementation.find("CoSimulation_StandAlone/Capabilities")
     return {"CoSimulation": Element("CoSimulation") if capabilities is None else capabilities}
+
+
+def _with_ticks(root: Element, variables: Mapping[str, Variable]) -> dict[str, Variable]:
+    """Return the variables of Scheduled Execution, with clocks as Booleans.
+
+    A triggered input clock is an input; the others are outputs, true if they ticked in the last
+    step. Outputs change if a partition is active, never by an input alone: they depend on none.
+    """
+    clocks = {e.get("name", ""): e for e in root.iterfind("ModelVariables/Clock")}
+    found: dict[str, Variable] = {}
+    for name, v in variables.items():
+        if v.type == "Clock" and v.causality in ("input", "output"):
+            triggered = clocks[name].get("intervalVariability") == "triggered"
+            v = replace(
+                v, type="Boolean", start=False, variability="discrete",
+                causality="input" if triggered and v.causality == "input" else "output",
+            )  # fmt: skip
+        found[name] = replace(v, dependencies=()) if v.causality == "output" else v
+    return found
 
 
 def _restructure(

@@ -17,9 +17,9 @@ from uuvsim_cosim.fmus.isolation.confinement import rules_of
 from uuvsim_cosim.fmus.isolation.grants import Grants
 from uuvsim_cosim.fmus.isolation.guard import guard_library
 from uuvsim_cosim.fmus.isolation.isolated import Isolated
-from uuvsim_cosim.fmus.model_exchange.component import ModelExchange
 from uuvsim_cosim.fmus.sandbox.sandbox import instantiate_sandboxed, only_web_assembly
 from uuvsim_cosim.fmus.sandbox.sources import NoWebAssembly
+from uuvsim_cosim.fmus.scheduled_execution.component import component_of
 
 __all__ = [
     "Isolation",
@@ -142,7 +142,7 @@ def instantiate_here(archive: FmuArchive, path: str, logging_on: bool = True) ->
     if only_web_assembly(archive):
         return instantiate_sandboxed(archive, path, logging_on=logging_on)
     fmu = version_of(archive)(archive, path, logging_on=logging_on)
-    return ModelExchange(fmu) if archive.interface == "ModelExchange" else fmu
+    return component_of(fmu)
 
 
 def needs_own_process(archive: FmuArchive) -> bool:

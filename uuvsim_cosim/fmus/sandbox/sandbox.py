@@ -17,12 +17,12 @@ from uuvsim_cosim.fmus.importer.fmu_library import FmuLibrary
 from uuvsim_cosim.fmus.importer.read_description import FmuArchive
 from uuvsim_cosim.fmus.isolation.grants import Grants
 from uuvsim_cosim.fmus.isolation.isolated import check_watchdog
-from uuvsim_cosim.fmus.model_exchange.component import ModelExchange
 from uuvsim_cosim.fmus.sandbox.component_library import ComponentLibrary
 from uuvsim_cosim.fmus.sandbox.engine import require_wasmtime
 from uuvsim_cosim.fmus.sandbox.host import Host
 from uuvsim_cosim.fmus.sandbox.library import SandboxLibrary
-from uuvsim_cosim.fmus.sandbox.sources import module_of_sources
+from uuvsim_cosim.fmus.sandbox.sources import NoWebAssembly, module_of_sources
+from uuvsim_cosim.fmus.scheduled_execution.component import component_of
 
 __all__ = ["component_path", "instantiate_sandboxed", "only_web_assembly"]
 
@@ -47,6 +47,9 @@ def _library(archive: FmuArchive) -> tuple[Callable[..., FmuLibrary], Path]:
     A component whose module has FMI's functions in C, as those of this package, is used as this
     module, because calls are faster then.
     """
+    if archive.interface == "ScheduledExecution":
+        read = "it cannot run as WebAssembly: it has Scheduled Execution only"
+        raise NoWebAssembly(archive.path, read, "Co-Simulation or Model Exchange")
     component = component_path(archive)
     if component is None:
         return SandboxLibrary, module_of_sources(archive)
@@ -92,4 +95,4 @@ def instantiate_sandboxed(
     outside.note = fmu.remark
     for text in outside.notes:
         fmu.remark(text)
-    return ModelExchange(fmu) if archive.interface == "ModelExchange" else fmu
+    return component_of(fmu)

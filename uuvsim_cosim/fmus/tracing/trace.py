@@ -24,7 +24,7 @@ from uuvsim_cosim.fmus.importer.message_log import STATUS
 from uuvsim_cosim.fmus.importer.read_description import FmuArchive
 from uuvsim_cosim.fmus.importer.versions import version_of
 from uuvsim_cosim.fmus.instantiation.instantiate import needs_own_process
-from uuvsim_cosim.fmus.model_exchange.component import ModelExchange
+from uuvsim_cosim.fmus.scheduled_execution.component import component_of
 
 __all__ = ["Arguments", "Trace", "instantiate_traced"]
 
@@ -33,7 +33,11 @@ COLUMNS = ("wall_s", "t_s", "component", "function", "arguments", "status", "too
 
 @final
 class Trace(Closing):
-    """A CSV file of traced FMUs, with one line for each call; `t_s` is the time reached then."""
+    """A CSV file of traced FMUs, with one line for each call; `t_s` is the time reached then.
+
+    A call in which the FMU calls back, and is called from there, has a line before these calls,
+    which ends with "calls back", and its own line after them.
+    """
 
     def __init__(self, path: Path) -> None:
         try:
@@ -43,18 +47,27 @@ class Trace(Closing):
                 path, f"cannot be written ({error.strerror})", "a file in a folder"
             ) from None
         self._begun = time.perf_counter()
+        self._heads: list[str] = []  # of the calls that have not returned
+        self._is_open = False  # the last line is not complete
         self._sink.write(",".join(COLUMNS) + "\n")
 
     def begin(self, t: float | None, component: str, function: str) -> None:
         """Write the component and the function, before the call."""
         wall = f"{time.perf_counter() - self._begun:.6f}"
         head = _line(wall, "" if t is None else repr(t), component, function)
+        if self._is_open:
+            self._sink.write(_line("calls back", "", "") + "\n")
+        self._heads.append(head)
+        self._is_open = True
         self._sink.write(head + ",")
         self._sink.flush()
 
     def end(self, arguments: str, status: str, seconds: float) -> None:
         """Write the rest of the line, after the call."""
-        self._sink.write(_line(arguments, status, f"{1e6 * seconds:.1f}") + "\n")
+        head = self._heads.pop()
+        again = "" if self._is_open else head + ","
+        self._is_open = False
+        self._sink.write(again + _line(arguments, status, f"{1e6 * seconds:.1f}") + "\n")
 
     def close(self) -> None:
         """Close the file; a second call does nothing."""
@@ -74,7 +87,7 @@ def instantiate_traced(archive: FmuArchive, path: str, trace: Trace) -> Componen
             "one instance of it",
         )
     fmu = version_of(archive)(archive, path, library=partial(_TracedLibrary, trace, path))
-    return ModelExchange(fmu) if archive.interface == "ModelExchange" else fmu
+    return component_of(fmu)
 
 
 @final

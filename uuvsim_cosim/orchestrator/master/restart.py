@@ -12,6 +12,7 @@ from uuvsim_cosim.fmus.component import BindingKind, Component
 from uuvsim_cosim.fmus.description import Variable
 from uuvsim_cosim.fmus.importer.fmu_binary import FmuBinary
 from uuvsim_cosim.fmus.model_exchange.component import ModelExchange
+from uuvsim_cosim.fmus.scheduled_execution.component import ScheduledExecution
 from uuvsim_cosim.orchestrator.master.core_library import Failure, Outcome, Type
 from uuvsim_cosim.orchestrator.master.core_tables import Tables
 from uuvsim_cosim.orchestrator.master.initial_values import propagate
@@ -28,7 +29,7 @@ def is_pooled(component: Component) -> bool:
     Python classes and isolated components have a `reset` that restores their initial state.
     """
     able = component.description.can_get_and_set_state
-    return not able and isinstance(component, FmuBinary | ModelExchange)
+    return not able and isinstance(component, FmuBinary | ModelExchange | ScheduledExecution)
 
 
 @final

@@ -41,11 +41,6 @@ def judge(path: Path, interface: str, until: float, libcosim: str = "") -> tuple
 
     `libcosim` is an interpreter that has libcosimpy, for systems.
     """
-    if interface == "ScheduledExecution":
-        return (
-            "refused",
-            "Scheduled Execution is not implemented; FMI 3.0 leaves it to the importer",
-        )
     try:
         if path.suffix.lower() == ".fmu":
             return _fmu(read_fmu(path, interface or None), until)
@@ -78,7 +73,7 @@ def _fmu(fmu: FmuArchive, until: float) -> tuple[str, str]:
         finally:
             x.free()
         texts += off[:1] or [summary]
-        if off and fmu.interface == "CoSimulation":
+        if off and fmu.interface != "ModelExchange":
             return "deviates", off[0]
         if not off and reference is own[-1]:
             return "equal", "; ".join(texts)
@@ -122,7 +117,7 @@ def _beside_fmpy(fmu: FmuArchive, until: float) -> tuple[str, str]:
     points = [start + k * h for k in range(n + 1)]  # as FMPy computes them
     try:
         ours = (
-            _stepped(fmu, points) if fmu.interface == "CoSimulation" else _integrated(fmu, points)
+            _stepped(fmu, points) if fmu.interface != "ModelExchange" else _integrated(fmu, points)
         )
     except ComponentFailed as error:
         if error.asks_to_end:
@@ -130,6 +125,8 @@ def _beside_fmpy(fmu: FmuArchive, until: float) -> tuple[str, str]:
         return "failed", f"{error}{_of_fmpy(fmu, points)}"
     if not ours:
         return "runs", f"{runs}; it has no output that is a number"
+    if fmu.interface == "ScheduledExecution":
+        return "runs", f"{runs}; FMPy has no Scheduled Execution to compare it with"
     try:
         theirs = _by_fmpy(fmu, points)
     except Exception as error:
@@ -140,7 +137,7 @@ def _beside_fmpy(fmu: FmuArchive, until: float) -> tuple[str, str]:
         values = values[: len(other)]
         same &= bool(np.array_equal(values, other, equal_nan=True))
         # The solver's tolerance is also an absolute one, of a state whose nominal value is 1.
-        least = 1e-12 if fmu.interface == "CoSimulation" else SOLVER_SHARE * fmu.tolerance
+        least = 1e-12 if fmu.interface != "ModelExchange" else SOLVER_SHARE * fmu.tolerance
         scale = max(float(np.nanmax(np.abs(other))), least)
         off = float(np.nanmax(np.abs(values - other))) / scale
         if off > worst:
@@ -149,8 +146,8 @@ def _beside_fmpy(fmu: FmuArchive, until: float) -> tuple[str, str]:
         bad = [name for name, values in ours.items() if not np.all(np.isfinite(values))]
         more = f"; {bad[0]} becomes infinite or NaN in both" if bad else ""
         return "equal", f"FMPy: the same bits in {len(ours)} columns, {runs}{more}"
-    limit = SAME_STEPS if fmu.interface == "CoSimulation" else OTHER_SOLVER
-    solver = "" if fmu.interface == "CoSimulation" else ", which integrates by CVODE"
+    limit = SAME_STEPS if fmu.interface != "ModelExchange" else OTHER_SOLVER
+    solver = "" if fmu.interface != "ModelExchange" else ", which integrates by CVODE"
     text = f"FMPy{solver}: within {worst:.2g} of the range in {len(ours)} columns, {runs}"
     if worst <= limit:
         return "equal", text
@@ -198,7 +195,7 @@ def _by_fmpy(fmu: FmuArchive, points: Sequence[float]) -> dict[str, np.ndarray]:
 
     outputs = _numeric(fmu)
     described = read_model_description(str(fmu.path), validate=False)
-    steps = fmu.interface == "CoSimulation"
+    steps = fmu.interface != "ModelExchange"
     if steps and described.defaultExperiment is not None:
         # FMPy would hand it to the FMU's own solver, for which there is none here.
         described.defaultExperiment.tolerance = None

@@ -226,10 +226,12 @@ class _Reader:
             remarks.append(f"{place}: {REMARK}")
         self._confine(source, place)
         wanted = xml.get("implementation", "any")
-        if wanted not in ("any", "CoSimulation", "ModelExchange"):
+        if wanted not in ("any", "CoSimulation", "ModelExchange", "ScheduledExecution"):
             read = f"implementation {wanted!r}"
-            self.problems.append(Problem(place, read, "CoSimulation, ModelExchange or any"))
-        elif wanted == "ModelExchange" and Path(source).suffix.lower() == ".fmu":
+            self.problems.append(
+                Problem(place, read, "CoSimulation, ModelExchange, ScheduledExecution or any")
+            )
+        elif wanted not in ("any", "CoSimulation") and Path(source).suffix.lower() == ".fmu":
             source = f"{source}#interface={wanted}"
         try:
             step = component_step(xml, as_step(tick, place), remarks)
