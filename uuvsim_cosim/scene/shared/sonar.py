@@ -73,10 +73,11 @@ class Sonar:
         absorption: float = 0.0,
         sound_speed: float = 1500.0,
         tvg: int = 0,
-        paths: SonarPaths = STRAIGHT,
+        paths: SonarPaths | None = None,
     ) -> None:
         if tvg not in (0, 10, 20, 30, 40):
             raise InputInvalid("sonar", f"tvg {tvg}", "0, 10, 20, 30 or 40")
+        paths = paths or STRAIGHT
         self.geometry = g = geometry
         self._caster = Caster(scene)
         check_surfaces(self._caster.ground, surfaces, 0)
