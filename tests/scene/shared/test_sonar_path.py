@@ -241,7 +241,7 @@ def test_a_ball_has_a_mirror_echo_below_a_smooth_bed_with_its_reflection_coeffic
     _, off = mirrored(paths(), ball, (0.0, 0.0, depth), bed=True)
     image = (g.ranges > r - 0.8) & (g.ranges < r + 0.8)
     elsewhere = np.abs(g.ranges - r) > 1.5
-    np.testing.assert_allclose(on[elsewhere], off[elsewhere], rtol=1e-4)
+    np.testing.assert_allclose(on[elsewhere], off[elsewhere], rtol=1e-3)  # pieces of the limb
     grazing = np.arcsin(11.0 / r)
     loss = float(abs(rayleigh(grazing, rho, nu, 0.01))) ** 4
     pulse = float(np.sum(g.pulse.astype(float) ** 2)) / g.fine
