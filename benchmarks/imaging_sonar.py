@@ -23,7 +23,8 @@ from uuvsim_cosim.models.worlds.obstacles import Obstacle
 from uuvsim_cosim.models.worlds.placed_mesh import PlacedMesh
 from uuvsim_cosim.models.worlds.scene import Scene
 from uuvsim_cosim.models.worlds.sonar_geometry import SonarGeometry, sonar_geometry
-from uuvsim_cosim.models.worlds.sonar_image import Surfaces
+from uuvsim_cosim.models.worlds.sonar_image import ANGLES, Surfaces
+from uuvsim_cosim.models.worlds.sonar_path import STRAIGHT, SonarPaths, profile_levels
 from uuvsim_cosim.scene.shared.ray_casting import Caster
 from uuvsim_cosim.scene.shared.sonar import Sonar
 
@@ -51,12 +52,24 @@ INSTRUMENTS: dict[str, dict[str, Any]] = {
 }  # fmt: skip
 
 
-def sonar(scene: Scene, geometry: SonarGeometry) -> Sonar:
+PROFILE = profile_levels([(0.0, 1510.0), (10.0, 1508.0), (20.0, 1490.0), (60.0, 1487.0)])
+NONE, ALL = np.zeros((0, 2), np.float32), np.ones((ANGLES + 1, 2), np.float32)
+BENT = {n: SonarPaths(PROFILE, 61.9 / n, NONE, STRAIGHT.bottom) for n in (1, 8, 32)}
+PATHS = {
+    "straight": STRAIGHT,
+    **{f"profile of 4 levels, {n} segments": p for n, p in BENT.items()},
+    "a bounce at the surface": SonarPaths(STRAIGHT.level, 0.0, ALL, STRAIGHT.bottom),
+    "bounces at surface and bottom": SonarPaths(STRAIGHT.level, 0.0, ALL, np.stack([ALL] * 2)),
+}
+
+
+def sonar(scene: Scene, geometry: SonarGeometry, paths: SonarPaths = STRAIGHT) -> Sonar:
     solids = np.ones(len(scene.obstacles) + len(scene.meshes), np.uint8)
     surfaces = Surfaces(LAMBERT, np.zeros((0, 0), np.uint8), solids)
     return Sonar(
-        scene, geometry, surfaces, frequency=900e3, noise_level=70.0, absorption=0.3, tvg=40
-    )
+        scene, geometry, surfaces, frequency=900e3, noise_level=70.0, absorption=0.3, tvg=40,
+        paths=paths,
+    )  # fmt: skip
 
 
 def poses(
@@ -107,8 +120,8 @@ def main() -> None:
     load = os.getloadavg()[0] if hasattr(os, "getloadavg") else float("nan")
     print(f"load {load:.1f}; {n} images a case, {repeats} repeats")
 
-    def runs(scene: Scene, **changed: Any) -> Callable[[], Any]:
-        s = sonar(scene, sonar_geometry(**FORWARD | changed))
+    def runs(scene: Scene, paths: SonarPaths = STRAIGHT, **changed: Any) -> Callable[[], Any]:
+        s = sonar(scene, sonar_geometry(**FORWARD | changed), paths)
         return lambda: s.images(at, R)
 
     bare, full = scenes.values()
@@ -130,6 +143,8 @@ def main() -> None:
         balls = tuple(ball(k, p, size) for k, p in enumerate(at[:4]))
         cases[f"{sum(len(b.corners) for b in balls):,}"] = runs(Scene("mesh", relief, meshes=balls))
     alternate(cases, n, repeats)
+    print("paths, among obstacles")
+    alternate({name: runs(full, paths) for name, paths in PATHS.items()}, n, repeats)
     print("instruments, among obstacles")
     alternate({name: runs(full, **changed) for name, changed in INSTRUMENTS.items()}, n, repeats)
 

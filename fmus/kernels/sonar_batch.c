@@ -32,3 +32,25 @@ SONAR_API void uuv_sonar_batch(const uuv_scene *scene, const uuv_sonar *s, const
             }
     }
 }
+
+/* Where n ways end. x: place (3) and direction (3) of each; y: of each place (3), direction (3), length, range, spread,
+ * and the kind of what was met. */
+SONAR_API void uuv_sonar_ways(const uuv_scene *scene, const uuv_sonar *s, double ref, int legs, const double *x,
+                              int64_t n, double *y) {
+    for (int64_t i = 0; i < n; i++, x += 6, y += 10) {
+        uuv_way way = {.growth = 1.0, .c = 1.0, .c_0 = s->profile.levels ? 0.0 : 1.0};
+        uuv_hit hit = {0};
+        float turned[2];
+        for (int k = 0; k < 3; k++) way.at[k] = x[k], way.d[k] = x[3 + k];
+        for (int leg = 0; leg < legs; leg++) {
+            if (leg && !uuv_sonar_bounce_(s, scene, &way, &hit, turned)) break;
+            if (leg) uuv_way_bounce_(&way, hit.n);
+            uuv_way_follow_(scene, 0, 0, &s->profile, s->farthest, ref, &way, &hit);
+        }
+        for (int k = 0; k < 3; k++) y[k] = way.at[k], y[3 + k] = way.d[k];
+        y[6] = way.length;
+        y[7] = way.range;
+        y[8] = uuv_way_spread_(&way);
+        y[9] = hit.kind;
+    }
+}

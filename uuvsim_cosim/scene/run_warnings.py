@@ -97,6 +97,16 @@ def sonar_warnings(ssd: Path, time: Array, signals: Mapping[str, Array]) -> list
                 for where, there in cases.items()
                 if there.any()
             ]
+    for name in (n for n in signals if n.endswith(".water_known")):
+        columns = list(blocks(element(signals, name, 0, len(time))))
+        known = np.concatenate([*columns, np.zeros(0)]) > 0.5
+        known[: int(np.argmax(known))] |= known.any()  # before the first ping
+        if len(known) and not known.all():
+            found.append(
+                f"{name.rpartition('.')[0]}: the water was beyond the range of the formula of the "
+                f"absorption for {100 * np.mean(~known):.0f} % of the time: the nearest values in "
+                "the range were used"
+            )
     return list(dict.fromkeys(found))
 
 

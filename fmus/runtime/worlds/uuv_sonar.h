@@ -14,19 +14,24 @@
  * from its place in the world, times exp(i 2 k r). A column's scatterers are added up in range
  * cells and passed through the matched filter; the columns are added up with the array's pattern.
  *
+ * Rays may bend and be reflected once (uuv_sonar_path.h). r of the level is then that of a straight ray
+ * whose tube is as wide, 1/r² = 1 / (tall wide): scattered sound returns along the same tube, by
+ * reciprocity. r of the image is the time times the speed that the instrument assumes. A path with a
+ * bounce is used both ways: its pressure has the square of the reflection coefficient.
+ *
  * Phases are float64, sums float32 in an order that depends on nothing else, and random numbers
  * come from tables: + - * / sqrt alone, so that bits are equal for every W, compiler and processor.
  */
 #ifndef UUV_SONAR_H
 #define UUV_SONAR_H
 
-#include "uuv_rays.h"
+#include "uuv_sonar_path.h"
 
 #define UUV_SONAR_TABLE 4096 /* entries of the tables of turns and of amplitudes */
 #define UUV_SONAR_ANGLES 256 /* steps of a material's strength, over the cosine of incidence */
 #define UUV_SONAR_BLOCK 16   /* columns that are added to the beams together */
 #define UUV_SONAR_WIDE 16    /* bins side by side */
-enum { UUV_SONAR_HEAD = 21 };
+enum { UUV_SONAR_HEAD = 22 };
 
 typedef struct {
     int beams, bins, columns, rays; /* rays: of a column */
@@ -45,7 +50,10 @@ typedef struct {
     const float *strength;          /* [materials][UUV_SONAR_ANGLES + 1]: s / c */
     const unsigned char *seabed;    /* material of each node of the terrain; 0: material 0 everywhere */
     const unsigned char *solid;     /* material of each solid, mesh and mover */
+    const float *surface; /* [UUV_SONAR_ANGLES + 1]: parts of the coefficient of the surface, squared; 0: no bounce */
+    const float *bottom;  /* [materials][UUV_SONAR_ANGLES + 1]: those of the seabed */
     const float *turns, *amplitudes; /* [UUV_SONAR_TABLE]: cos and sin; square root of -ln(u) */
+    uuv_profile profile;
 } uuv_sonar;
 
 /* Arrays of one image: floats by [beam][bin], with rows of uuv_sonar_row_ bins. */
@@ -113,12 +121,12 @@ static inline uint64_t uuv_scatterer_(const double p[3], double size) {
 
 /* Material of what a ray met at p. */
 static inline int uuv_sonar_material_(const uuv_sonar *s, const uuv_scene *scene, const uuv_hit *hit,
-                                      const double o[3], const double d[3]) {
+                                      const double p[3]) {
     if (hit->kind >= UUV_HIT_SOLID) return s->solid[hit->kind - UUV_HIT_SOLID];
     if (!s->seabed) return 0;
     const uuv_terrain *g = &scene->terrain;
-    const int i = uuv_within_((o[0] + hit->t * d[0] - g->north) / g->spacing + 0.5, 0, g->rows - 1);
-    const int j = uuv_within_((o[1] + hit->t * d[1] - g->east) / g->spacing + 0.5, 0, g->columns - 1);
+    const int i = uuv_within_((p[0] - g->north) / g->spacing + 0.5, 0, g->rows - 1);
+    const int j = uuv_within_((p[1] - g->east) / g->spacing + 0.5, 0, g->columns - 1);
     return s->seabed[(int64_t)i * g->columns + j];
 }
 
@@ -134,6 +142,93 @@ typedef struct {
     int low, high;       /* bins of the column that have an echo: from low to before high */
 } uuv_sounding_;
 
+/* Adds the scatterers of what a way met. Pressures have the coefficient `turned`, unless it is 0. */
+static inline void uuv_sonar_echo_(const uuv_sonar *s, uuv_sounding_ *q, int j, const uuv_way *way, const uuv_hit *hit,
+                                   double solid, double du, const float *turned, uuv_sonar_work *w) {
+    const double turns = q->x[12] * UUV_SONAR_TABLE, c = -uuv_dot_(hit->n, way->d);
+    if (!(c > 0.0)) return;
+    float *const re = w->cells, *const im = w->cells + (int64_t)s->fine * q->stride;
+    /* As if the ray were straight, from a place `from` at the distance `straight`. */
+    const double straight = uuv_way_spread_(way), per = s->profile.levels ? q->x[21] / way->c : 1.0;
+    const double shift = way->range - per * straight;
+    double from[3];
+    for (int k = 0; k < 3; k++) from[k] = way->bent ? way->at[k] - straight * way->d[k] : q->x[k];
+    /* c along the elevation: over the plane, r c is constant */
+    const double slope = -uuv_dot_(hit->n, way->across), half = 0.5 * s->d_theta * (slope < 0.0 ? -slope : slope);
+    const double down = c - half > 0.25 * c ? half : 0.75 * c, plane = straight * c;
+    const double near = plane / (c + half), far = plane / (c - down);
+    const int pieces = 1 + uuv_within_((far - near) / q->size, 0, 1 << 20);
+    const double part = (far - near) / pieces;
+    const double wide = straight * du, tall = pieces > 1 ? 0.5 * part : straight * s->d_theta;
+    const double fold = wide < tall ? wide : tall;
+    const double size = fold > 0x1p-14 ? fold : 0x1p-14;
+    const double share = pieces > 1 ? solid / (half + down) : 0.0;
+    const float *strength = s->strength + uuv_sonar_material_(s, q->scene, hit, way->at) * (UUV_SONAR_ANGLES + 1);
+    const double turn = slope != 0.0 ? 1.0 / slope : 0.0;
+    double edge = c + half; /* cosine at the near edge of a piece */
+    for (int n = 0; n < pieces; n++) {
+        const double r = pieces > 1 ? near + (n + 0.5) * part : straight;
+        const double ahead = n + 1 < pieces ? plane / (near + (n + 1) * part) : c - down;
+        const double mine = pieces > 1 ? (edge - ahead) * share : solid;
+        edge = ahead;
+        const double shown = shift + per * r;
+        const int k = uuv_within_((shown - q->nearest_edge) * q->per_fine, -1, q->cells);
+        if (shown < q->nearest_edge || k >= q->cells) continue;
+        const double cosine = pieces > 1 ? plane / r : c, angle = (cosine - c) * turn;
+        const double at = (cosine < 1.0 ? cosine : 1.0) * UUV_SONAR_ANGLES;
+        const int row = at < UUV_SONAR_ANGLES ? (int)at : UUV_SONAR_ANGLES - 1;
+        const double mean = strength[row] + (at - row) * (strength[row + 1] - strength[row]);
+        double p[3];
+        for (int m = 0; m < 3; m++) p[m] = from[m] + r * (way->d[m] + angle * way->across[m]);
+        const uint64_t h = uuv_scatterer_(p, size);
+        const double a = uuv_root_(mine * mean) / r;
+        float amplitude = (float)a * s->amplitudes[h & (UUV_SONAR_TABLE - 1)];
+        const int64_t phase = (int64_t)(turns * shown) + (int64_t)(h >> 12 & (UUV_SONAR_TABLE - 1));
+        const float *unit = s->turns + 2 * (phase & (UUV_SONAR_TABLE - 1));
+        const int bin = k / s->fine, place = (k - bin * s->fine) * q->stride + bin;
+        const double path = way->length + (r - straight); /* the water absorbs along the path */
+        const int cell = s->profile.levels ? uuv_within_((path - q->nearest_edge) * q->per_fine, 0, q->cells - 1) : k;
+        if (cell != k) {
+            const int own = cell / s->fine;
+            const float here = w->loss[place];
+            amplitude = here > 0.0f ? amplitude * (w->loss[(cell - own * s->fine) * q->stride + own] / here) : 0.0f;
+        }
+        if (turned) {
+            re[place] += amplitude * (unit[0] * turned[0] - unit[1] * turned[1]);
+            im[place] += amplitude * (unit[0] * turned[1] + unit[1] * turned[0]);
+        } else {
+            re[place] += amplitude * unit[0];
+            im[place] += amplitude * unit[1];
+        }
+        if (bin < q->low) q->low = bin;
+        if (bin >= q->high) q->high = bin + 1;
+        if (!w->label || bin < s->pad || bin >= s->pad + s->bins) continue;
+        const float size_2 = turned ? turned[0] * turned[0] + turned[1] * turned[1] : 1.0f;
+        const float loud = (float)(a * a) * size_2;
+        for (int b = s->nearest[2 * j]; b < s->nearest[2 * j + 1]; b++) {
+            const int64_t pixel = (int64_t)b * uuv_sonar_row_(s->bins) + bin - s->pad;
+            if (!(loud > w->strongest[pixel])) continue;
+            w->strongest[pixel] = loud;
+            w->label[pixel] = (uint16_t)(hit->kind == UUV_HIT_SEABED ? 1 : hit->kind - UUV_HIT_SOLID + 2);
+        }
+    }
+}
+
+/* The coefficient of what a way met, for both directions of the path; 0 if nothing is reflected. */
+static inline int uuv_sonar_bounce_(const uuv_sonar *s, const uuv_scene *scene, const uuv_way *way, const uuv_hit *hit,
+                                    float turned[2]) {
+    const float *row = hit->kind == UUV_HIT_SURFACE ? s->surface : 0;
+    if (hit->kind == UUV_HIT_SEABED && s->bottom)
+        row = s->bottom + 2 * uuv_sonar_material_(s, scene, hit, way->at) * (UUV_SONAR_ANGLES + 1);
+    const double c = -uuv_dot_(hit->n, way->d);
+    if (!row || !(c > 0.0)) return 0;
+    const double at = (c < 1.0 ? c : 1.0) * UUV_SONAR_ANGLES;
+    const int k = at < UUV_SONAR_ANGLES ? (int)at : UUV_SONAR_ANGLES - 1;
+    for (int m = 0; m < 2; m++)
+        turned[m] = (float)(row[2 * k + m] + (at - k) * (row[2 * k + 2 + m] - row[2 * k + m]));
+    return turned[0] != 0.0f || turned[1] != 0.0f;
+}
+
 /* Adds the scatterers of column j to the range cells. */
 static inline void uuv_sonar_column_(const uuv_sonar *s, uuv_sounding_ *q, int j, uuv_sonar_work *w) {
     const double *R = q->x + 3, *col = s->column + 3 * j;
@@ -143,65 +238,22 @@ static inline void uuv_sonar_column_(const uuv_sonar *s, uuv_sounding_ *q, int j
         py[k] = R[3 * k + 1] * col[0];
         pz[k] = R[3 * k + 2] * col[1];
     }
-    const double turns = q->x[12] * UUV_SONAR_TABLE, du = col[2];
-    float *const re = w->cells, *const im = w->cells + (int64_t)s->fine * q->stride;
     for (int i = 0; i < s->rays; i++) {
-        const double ct = s->ray[3 * i], st = s->ray[3 * i + 1];
-        double d[3], across[3]; /* the direction, and its derivative by theta */
+        const double ct = s->ray[3 * i], st = s->ray[3 * i + 1], solid = s->ray[3 * i + 2] * col[2];
+        uuv_way way = {.growth = 1.0, .c = 1.0, .c_0 = s->profile.levels ? 0.0 : 1.0};
         for (int k = 0; k < 3; k++) {
-            d[k] = py[k] + ct * px[k] + st * pz[k];
-            across[k] = ct * pz[k] - st * px[k];
+            way.at[k] = q->x[k];
+            way.d[k] = py[k] + ct * px[k] + st * pz[k];
+            way.across[k] = ct * pz[k] - st * px[k];
         }
+        float turned[2];
         uuv_hit hit;
-        uuv_cast(q->scene, q->moving, q->there, q->x, d, s->farthest, &hit);
-        if (!(hit.kind == UUV_HIT_SEABED || hit.kind >= UUV_HIT_SOLID)) continue;
-        const double c = -uuv_dot_(hit.n, d);
-        if (!(c > 0.0)) continue;
-        /* c along the elevation: over the plane, r c is constant */
-        const double slope = -uuv_dot_(hit.n, across), half = 0.5 * s->d_theta * (slope < 0.0 ? -slope : slope);
-        const double down = c - half > 0.25 * c ? half : 0.75 * c, plane = hit.t * c;
-        const double near = plane / (c + half), far = plane / (c - down);
-        const int pieces = 1 + uuv_within_((far - near) / q->size, 0, 1 << 20);
-        const double part = (far - near) / pieces;
-        const double wide = hit.t * du, tall = pieces > 1 ? 0.5 * part : hit.t * s->d_theta;
-        const double fold = wide < tall ? wide : tall;
-        const double size = fold > 0x1p-14 ? fold : 0x1p-14;
-        const double solid = s->ray[3 * i + 2] * du;
-        const double share = pieces > 1 ? solid / (half + down) : 0.0;
-        const float *strength = s->strength + uuv_sonar_material_(s, q->scene, &hit, q->x, d) * (UUV_SONAR_ANGLES + 1);
-        const double turn = slope != 0.0 ? 1.0 / slope : 0.0;
-        double edge = c + half; /* cosine at the near edge of a piece */
-        for (int n = 0; n < pieces; n++) {
-            const double r = pieces > 1 ? near + (n + 0.5) * part : hit.t;
-            const double ahead = n + 1 < pieces ? plane / (near + (n + 1) * part) : c - down;
-            const double mine = pieces > 1 ? (edge - ahead) * share : solid;
-            edge = ahead;
-            const int k = uuv_within_((r - q->nearest_edge) * q->per_fine, -1, q->cells);
-            if (r < q->nearest_edge || k >= q->cells) continue;
-            const double cosine = pieces > 1 ? plane / r : c, angle = (cosine - c) * turn;
-            const double at = (cosine < 1.0 ? cosine : 1.0) * UUV_SONAR_ANGLES;
-            const int row = at < UUV_SONAR_ANGLES ? (int)at : UUV_SONAR_ANGLES - 1;
-            const double mean = strength[row] + (at - row) * (strength[row + 1] - strength[row]);
-            double p[3];
-            for (int m = 0; m < 3; m++) p[m] = q->x[m] + r * (d[m] + angle * across[m]);
-            const uint64_t h = uuv_scatterer_(p, size);
-            const double a = uuv_root_(mine * mean) / r;
-            const float amplitude = (float)a * s->amplitudes[h & (UUV_SONAR_TABLE - 1)];
-            const int64_t phase = (int64_t)(turns * r) + (int64_t)(h >> 12 & (UUV_SONAR_TABLE - 1));
-            const float *unit = s->turns + 2 * (phase & (UUV_SONAR_TABLE - 1));
-            const int bin = k / s->fine, place = (k - bin * s->fine) * q->stride + bin;
-            re[place] += amplitude * unit[0];
-            im[place] += amplitude * unit[1];
-            if (bin < q->low) q->low = bin;
-            if (bin >= q->high) q->high = bin + 1;
-            if (!w->label || bin < s->pad || bin >= s->pad + s->bins) continue;
-            const float loud = (float)(a * a);
-            for (int b = s->nearest[2 * j]; b < s->nearest[2 * j + 1]; b++) {
-                const int64_t pixel = (int64_t)b * uuv_sonar_row_(s->bins) + bin - s->pad;
-                if (!(loud > w->strongest[pixel])) continue;
-                w->strongest[pixel] = loud;
-                w->label[pixel] = (uint16_t)(hit.kind == UUV_HIT_SEABED ? 1 : hit.kind - UUV_HIT_SOLID + 2);
-            }
+        for (int leg = 0; leg < 2; leg++) {
+            uuv_way_follow_(q->scene, q->moving, q->there, &s->profile, s->farthest, q->x[21], &way, &hit);
+            if (hit.kind == UUV_HIT_SEABED || hit.kind >= UUV_HIT_SOLID)
+                uuv_sonar_echo_(s, q, j, &way, &hit, solid, col[2], leg ? turned : 0, w);
+            if (leg || !uuv_sonar_bounce_(s, q->scene, &way, &hit, turned)) break;
+            uuv_way_bounce_(&way, hit.n);
         }
     }
 }
@@ -261,7 +313,8 @@ static inline void uuv_sonar_beams_(const uuv_sonar *s, int from, int n, int low
 /* Pressures of all beams and bins.
  * x: origin (3), rotation from sensor axes row by row (9), turns of phase a metre of range (2 f / c),
  * pressure that is left at the first range cell [Pa m] and its factor a cell, noise [Pa], gain at
- * bin 0 and its factor a bin, least ratio of an echo to the noise, two draws; the moving. */
+ * bin 0 and its factor a bin, least ratio of an echo to the noise, two draws, the speed of sound that the
+ * instrument assumes; the moving. */
 static inline void uuv_sonar_echoes(const uuv_scene *scene, const uuv_sonar *s, const double *x, uuv_sonar_work *w) {
     uuv_solid moving[UUV_MOVERS];
     const int row = uuv_sonar_row_(s->bins);

@@ -58,7 +58,9 @@ def test_every_entry_is_cited() -> None:
     for target in DECLARED.values():
         texts += [(c.text, c.place) for c in equations_of(*target.split(":"))]
     modules = ["declaration.philox"]
-    modules += [f"acoustics.{m}" for m in ("absorption", "backscatter", "target_strength")]
+    modules += [
+        f"acoustics.{m}" for m in ("absorption", "backscatter", "reflection", "target_strength")
+    ]
     for module in modules:
         texts += [(c.text, c.place) for c in equations_of(f"uuvsim_cosim.models.{module}", "")]
     cited = {entry.key for text, place in texts for entry in known.cited_in(text, place)}

@@ -14,10 +14,14 @@ from uuvsim_cosim.fmus.codegen.native import Native
 from uuvsim_cosim.fmus.export.fmu_file import build_fmu
 from uuvsim_cosim.fmus.importer.read_description import read_fmu
 from uuvsim_cosim.fmus.instantiation.instantiate import instantiate_here
+from uuvsim_cosim.models.acoustics.absorption import francois_garrison
 from uuvsim_cosim.models.analysis.simulate import simulate
 from uuvsim_cosim.models.declaration.library import declare
+from uuvsim_cosim.models.declaration.preset import preset
+from uuvsim_cosim.models.sensors.sonar_component import sonar_of
 from uuvsim_cosim.models.worlds.obstacles import Sphere
 from uuvsim_cosim.models.worlds.scene import Scene, save_scene
+from uuvsim_cosim.models.worlds.sonar_geometry import array_pattern
 from uuvsim_cosim.models.worlds.terrain import Terrain
 
 SONARS: dict[str, dict[str, Any]] = {
@@ -63,10 +67,10 @@ def image(scene: str, options: dict[str, Any] | None = None, **values: Any) -> d
 
 @pytest.mark.parametrize("which", SONARS)
 def test_c_agrees_with_the_model_in_numpy(hills: str, which: str) -> None:
-    options = {"complex": True, "labels": True, "others": 1, "shading": "none"}
+    options = {"complex": True, "labels": True, "others": 1, "shading": "none", "absorption": 0.3}
     model = declare(which, scene=hills, **SONARS[which] | options)
     given = {"eta": ETA, "q": Q, "other_eta_1": [6.0, -1.0, 11.0, 0.1, 0.2, 0.3]}
-    parameters = {"other_size": [[0.4, 0.8]], "absorption": 0.3}
+    parameters = {"other_size": [[0.4, 0.8]]}
     found = step(Native(model, "s"), **given, **parameters)
     wanted = simulate(model, until=0.4, h=0.01, inputs=given, parameters=parameters)
     for v in model.of_kind("output"):
@@ -75,6 +79,96 @@ def test_c_agrees_with_the_model_in_numpy(hills: str, which: str) -> None:
     assert found["valid"]
     if which == "imaging_sonar":
         assert set(np.ravel(found["label"])) == {0, 1, 2, 3}  # nothing, bed, ball, the other
+
+
+PATHS = {
+    "profile": "2:1510,6:1508,9:1490,13:1493", "segments": 3, "surface_bounce": 2e-4,
+    "bottom_bounce": 1e-4,
+}  # fmt: skip
+UP = {  # of a sonar that looks at the surface and at the bed, near both
+    "eta": [0.0, 1.0, 4.0, 0.1, 0.45, 0.3],
+    "q": [0.96431, 0.0148734, 0.22760596, 0.1344639],
+}
+
+
+@pytest.mark.parametrize("pose", [{"eta": ETA, "q": Q}, UP])
+def test_c_agrees_with_numpy_on_rays_that_bend_and_bounce(hills: str, pose: dict[str, Any]) -> None:
+    options = {"complex": True, "labels": True, "shading": "none", "water": "inputs"}
+    model = declare("imaging_sonar", scene=hills, **SIZE | options | PATHS)
+    parameters = {"sound_speed": 1480.0, "pH": 7.9}
+    given = pose | {"temperature": 15.0, "salinity": 33.0}
+    found = step(Native(model, "s"), **given, **parameters)
+    wanted = simulate(model, until=0.4, h=0.01, inputs=given, parameters=parameters)
+    for v in model.of_kind("output"):
+        a, b = np.ravel(found[v.name]).astype(float), np.ravel(wanted[v.name][-1])
+        np.testing.assert_allclose(a, b, atol=2e-5 * max(1.0, np.abs(b).max()), err_msg=v.name)
+    plain = step(Native(declare("imaging_sonar", scene=hills, **SIZE | options), "s"), **given)
+    assert np.any(np.asarray(found["magnitude"]) != np.asarray(plain["magnitude"]))
+
+
+@pytest.mark.parametrize("fmi", [2, 3])
+def test_an_fmu_has_the_native_bits_of_rays_that_bend_and_bounce(
+    hills: str, tmp_path: Path, fmi: Any
+) -> None:
+    model = declare("imaging_sonar", scene=hills, labels=True, **SIZE | PATHS)
+    wanted = step(Native(model, "s"), **GIVEN | UP)
+    component = instantiate_here(
+        read_fmu(build_fmu(model, fmi=fmi, target=tmp_path / "sonar.fmu")), "s"
+    )
+    found = step(component, **GIVEN | UP)
+    component.free()
+    for name, value in found.items():
+        np.testing.assert_array_equal(value, wanted[name], err_msg=name)
+
+
+@pytest.mark.parametrize("source", [-100.0, 220.0])
+def test_the_absorption_follows_the_water(hills: str, source: float) -> None:
+    """Noise is raised by the gain of 2 alpha r; echoes, which have lost as much, stay."""
+    noise = 70.0 if source < 0 else -200.0
+    images, alphas = [], []
+    for T, S in ((4.0, 35.0), (20.0, 31.0)):
+        water = {"temperature": T, "salinity": S, "absorption_depth": 8.0}
+        images.append(image(hills, source_level=source, noise_level=noise, **water)["magnitude"])
+        alphas.append(float(francois_garrison(900e3, T, S, 8.0)))
+    ranges = 1.0 + (np.arange(30) + 0.5) * 24 / 30
+    gained = 2 * (alphas[1] - alphas[0]) * ranges * (source < 0)
+    levels = 20 * np.log10([np.reshape(i, (7, 30)) + 1e-30 for i in images])
+    seen = levels[0] > levels[0].max() - (np.inf if source < 0 else 60.0)
+    assert seen.sum() > 30
+    wanted = np.tile(gained, (7, 1))
+    # An image adds echoes of several ranges, each with its own loss, before the gain.
+    close = 0.05 if source < 0 else 0.6
+    np.testing.assert_allclose((levels[1] - levels[0])[seen], wanted[seen], atol=close)
+    assert abs(alphas[1] - alphas[0]) > 0.05
+
+
+def test_water_beyond_the_formulas_range_is_reported(hills: str) -> None:
+    given = {"water": "inputs", "frequency": 450e3}
+    for salinity, known in ((34.0, True), (7.7, False)):
+        found = image(hills, given, temperature=10.0, salinity=salinity)
+        assert found["water_known"] == known
+    assert found["absorption"] == pytest.approx(
+        float(francois_garrison(450e3, 10.0, 30.0, 8.0)), rel=1e-3
+    )
+
+
+def test_another_frequency_changes_beams_absorption_and_backscatter() -> None:
+    """With half the frequency, an array of the same length has a beam twice as wide."""
+    p = preset("sensors", "p900", "imaging_sonar")
+    own, half = (sonar_of(p, frequency=f, bins=10) for f in (0, 450e3))
+    u = half.u[np.abs(half.weight[:, 256]).argmax()]
+    for g, width in ((own, np.radians(1.0)), (half, 2 * np.arcsin(2 * np.sin(np.radians(0.5))))):
+        wanted = array_pattern(g.u - np.sin(g.bearings[256]), width, "hann")
+        kept = np.abs(g.weight[:, 256]) > 0.0
+        np.testing.assert_allclose(g.weight[kept, 256], wanted[kept], atol=2e-6)
+    assert abs(u) < 0.01
+    assert half.theta[-1] / own.theta[-1] == pytest.approx(
+        np.arcsin(2 * np.sin(np.radians(10))) / np.radians(10), rel=1e-6
+    )
+    found = {f: declare("imaging_sonar", **SIZE, frequency=f) for f in (900e3, 450e3)}
+    assert "at 900 kHz: Lambert" in found[900e3].description
+    assert "at 450 kHz: Lambert" in found[450e3].description
+    assert [m.starts()["frequency"].item() for m in found.values()] == [900e3, 450e3]
 
 
 @pytest.mark.parametrize("fmi", [2, 3])
@@ -142,6 +236,18 @@ def test_only_noise_is_no_range(hills: str) -> None:
         ({"absorption": "none"}, "francois_garrison, ainslie_mccolm"),
         ({"absorption": -1}, "0 or more"),
         ({"complex": "perhaps"}, "true, false"),
+        ({"frequency": "high"}, "frequency = high; expected a number"),
+        ({"frequency": -1}, "0 for the preset's own"),
+        ({"frequency": 2e6}, r"frequency 2e\+06 Hz; expected 500000 to 1e\+06 Hz"),
+        ({"frequency": 1e3}, "still forms a beam"),
+        ({"water": "sea"}, "parameters or inputs"),
+        ({"water": "inputs", "absorption": 0.1}, "a formula: francois_garrison or ainslie"),
+        ({"profile": "0:1500,0:1490"}, "depths that rise"),
+        ({"profile": "0:-1500"}, "1300 to 1800 m/s"),
+        ({"profile": "deep"}, "0:1500,20:1490"),
+        ({"profile": "0:1500,20:1490", "segments": 0}, "segments = 0; expected 1 to 1000"),
+        ({"surface_bounce": "rough"}, "off, or the rms height"),
+        ({"bottom_bounce": -0.1}, "bottom_bounce = -0.1; expected off"),
     ],
 )
 def test_a_wrong_option_is_refused_by_one_message(options: dict[str, Any], words: str) -> None:

@@ -38,6 +38,9 @@ def sonar_arrays(n: SonarImage) -> dict[str, NDArray[Any]]:
         "strength": over_cosine(n.surfaces.sigma).astype(np.float32),
         "seabed": n.surfaces.seabed,
         "solid": n.surfaces.solids,
+        "surface": n.paths.surface,
+        "bottom": n.paths.bottom,
+        "level": n.paths.level,
         "turns": TURNS,
         "amplitudes": AMPLITUDES,
     }
@@ -56,6 +59,8 @@ def sonar_text(n: SonarImage) -> Iterator[str]:
     yield '#include "uuv_sonar.h"\n'
     yield from scene_text(n.ground)
     arrays = sonar_arrays(n)
+    level = arrays.pop("level")
+    yield array_text(f"{n.name}_level", level) if level.size else ""
     for shared in ("turns", "amplitudes"):
         yield f"#ifndef HAS_UUV_{shared}\n#define HAS_UUV_{shared}\n"
         yield array_text(f"uuv_sonar_{shared}", arrays.pop(shared)) + "#endif\n"
@@ -68,7 +73,12 @@ def sonar_text(n: SonarImage) -> Iterator[str]:
     whole, lengths, tvg = sonar_numbers(n)
     numbers = f"{', '.join(map(str, whole))}, {doubles(lengths)}, {tvg}"
     tables = "uuv_sonar_turns.number, uuv_sonar_amplitudes.number"
-    yield f"static const uuv_sonar {n.name}_sonar = {{{numbers}, {', '.join(at)}, {tables}}};\n"
+    levels = f"{n.name}_level.number" if level.size else "0"
+    profile = f"{{{len(level)}, {doubles([n.paths.chord])}, {levels}}}"
+    yield (
+        f"static const uuv_sonar {n.name}_sonar = "
+        f"{{{numbers}, {', '.join(at)}, {tables}, {profile}}};\n"
+    )
     g, pixels = n.geometry, n.pixels
     beams = len(g.bearings)
     whole_of = pixels + 2 * beams + 2

@@ -22,6 +22,7 @@ from uuvsim_cosim.models.acoustics.backscatter import (
     grain_size,
     lambert,
 )
+from uuvsim_cosim.models.acoustics.reflection import rayleigh
 from uuvsim_cosim.models.declaration.files_read import shared_until_changed
 from uuvsim_cosim.models.declaration.near_names import expected_names
 from uuvsim_cosim.models.declaration.parameter_files import read_yaml
@@ -35,6 +36,7 @@ __all__ = [
     "StrengthTable",
     "material",
     "materials",
+    "reflection_table",
     "scene_materials",
     "strength_table",
 ]
@@ -56,6 +58,7 @@ class Material:
     description: str
     sediment: Sediment | None  # of the law apl_uw
     impedance: float  # kg/(m2 s), of the law lambert; infinite: rigid
+    c: float  # m/s, speed of sound in it, of the law lambert
     sources: tuple[str, ...]
 
 
@@ -145,6 +148,25 @@ def strength_table(
     return StrengthTable(names, sigma, tuple(dict.fromkeys(assumptions)))
 
 
+def reflection_table(
+    names: Iterable[str], theta: Array, c: float = 1500.0
+) -> NDArray[np.complex128]:
+    """Return the reflection coefficients (materials, angles) at grazing angles `theta` [rad].
+
+    A sediment has the density, speed of sound and loss of its law, another material its own density
+    and speed, in water of the speed of sound `c` [m/s]. See `reflection.rayleigh`.
+    """
+    rows = []
+    for m in map(material, names):
+        if m.sediment is not None:
+            rows.append(rayleigh(theta, m.sediment.rho, m.sediment.nu, m.sediment.delta))
+        elif np.isinf(m.impedance):
+            rows.append(rayleigh(theta, np.inf, 1.0))
+        else:
+            rows.append(rayleigh(theta, m.impedance / m.c / WATER, m.c / c))
+    return np.array(rows).reshape(len(rows), len(theta))
+
+
 def scene_materials(scene: Scene, seabed: str = "", solid: str = "") -> SceneMaterials:
     """Return the materials of a scene's nodes, solids and meshes.
 
@@ -209,7 +231,8 @@ def _read(name: str, given: Mapping[str, Mapping[str, object]]) -> Material:
         sediment = Sediment(*(numbers[key] for key in _SIX))
     elif "density" in numbers:
         impedance = numbers["density"] * numbers["c"]
-    return Material(name, str(given["description"]), sediment, impedance, sources)
+    speed = numbers.get("c", np.inf)
+    return Material(name, str(given["description"]), sediment, impedance, speed, sources)
 
 
 def _reflected(impedance: float, c: float) -> float:

@@ -34,6 +34,12 @@ def imaging_sonar(
     law: str = "auto",
     absorption: float | str = "francois_garrison",
     others: int | str = 0,
+    frequency: float | str = 0,
+    water: str = "parameters",
+    profile: str = "",
+    segments: int | str = 8,
+    surface_bounce: float | str = "off",
+    bottom_bounce: float | str = "off",
 ) -> Model:
     """Declare the forward-looking sonar of a preset, which pings every `period` seconds.
 
@@ -43,10 +49,11 @@ def imaging_sonar(
     """
     p = preset("sensors", id, "imaging_sonar")
     m = Model("imaging_sonar", "Imaging sonar over a scene")
-    g = sonar_of(p, beams, bins, columns, rays, shading, range_max)
+    g = sonar_of(p, beams, bins, columns, rays, shading, range_max, frequency)
     given = SonarOptions(
-        scene, period, tvg, complex, labels, seabed, solid, law, absorption, others
-    )
+        scene, period, tvg, complex, labels, seabed, solid, law, absorption, others, frequency,
+        water, profile, segments, surface_bounce, bottom_bounce,
+    )  # fmt: skip
     return declare_sonar(m, p, g, given, f"{len(g.bearings)} beams from port to starboard")
 
 
@@ -68,6 +75,12 @@ def multibeam_sonar(
     law: str = "auto",
     absorption: float | str = "francois_garrison",
     others: int | str = 0,
+    frequency: float | str = 0,
+    water: str = "parameters",
+    profile: str = "",
+    segments: int | str = 8,
+    surface_bounce: float | str = "off",
+    bottom_bounce: float | str = "off",
 ) -> Model:
     """Declare the multibeam sonar of a preset: its echoes in the water column, range and level.
 
@@ -76,8 +89,9 @@ def multibeam_sonar(
     """
     p = preset("sensors", id, "multibeam_sonar")
     m = Model("multibeam_sonar", "Multibeam sonar with intensity over a scene")
-    g = sonar_of(p, beams, bins, columns, rays, shading, range_max)
+    g = sonar_of(p, beams, bins, columns, rays, shading, range_max, frequency)
     given = SonarOptions(
-        scene, period, tvg, complex, labels, seabed, solid, law, absorption, others
-    )
+        scene, period, tvg, complex, labels, seabed, solid, law, absorption, others, frequency,
+        water, profile, segments, surface_bounce, bottom_bounce,
+    )  # fmt: skip
     return declare_sonar(m, p, g, given, f"{len(g.bearings)} beams from port to starboard")

@@ -42,6 +42,12 @@ def scanning_sonar(
     law: str = "auto",
     absorption: float | str = "francois_garrison",
     others: int | str = 0,
+    frequency: float | str = 0,
+    water: str = "parameters",
+    profile: str = "",
+    segments: int | str = 8,
+    surface_bounce: float | str = "off",
+    bottom_bounce: float | str = "off",
 ) -> Model:
     """Declare the scanning sonar of a preset, whose head turns by a step after each ping.
 
@@ -51,10 +57,11 @@ def scanning_sonar(
     """
     p = preset("sensors", id, "scanning_sonar")
     m = Model("scanning_sonar", "Mechanically scanning sonar over a scene")
-    g = sonar_of(p, 1, bins, columns, rays, shading, range_max)
+    g = sonar_of(p, 1, bins, columns, rays, shading, range_max, frequency)
     given = SonarOptions(
-        scene, period, tvg, complex, labels, seabed, solid, law, absorption, others
-    )
+        scene, period, tvg, complex, labels, seabed, solid, law, absorption, others, frequency,
+        water, profile, segments, surface_bounce, bottom_bounce,
+    )  # fmt: skip
     turn, wide = float(step) * pi / 180.0 or p.number("step", "rad"), float(sector) * pi / 180.0
     p.has("step")
     if not 0.0 < turn <= wide <= 2.0 * pi + 1e-9:
@@ -92,6 +99,12 @@ def side_scan_sonar(
     law: str = "auto",
     absorption: float | str = "francois_garrison",
     others: int | str = 0,
+    frequency: float | str = 0,
+    water: str = "parameters",
+    profile: str = "",
+    segments: int | str = 8,
+    surface_bounce: float | str = "off",
+    bottom_bounce: float | str = "off",
 ) -> Model:
     """Declare the side-scan sonar of a preset: one beam to port, one to starboard.
 
@@ -100,10 +113,11 @@ def side_scan_sonar(
     """
     p = preset("sensors", id, "side_scan_sonar")
     m = Model("side_scan_sonar", "Side-scan sonar over a scene")
-    g = sonar_of(p, 1, bins, columns, rays, shading, range_max)
+    g = sonar_of(p, 1, bins, columns, rays, shading, range_max, frequency)
     given = SonarOptions(
-        scene, period, tvg, complex, labels, seabed, solid, law, absorption, others
-    )
+        scene, period, tvg, complex, labels, seabed, solid, law, absorption, others, frequency,
+        water, profile, segments, surface_bounce, bottom_bounce,
+    )  # fmt: skip
     down = p.number("depression", "rad")
 
     def heads(_: Clock) -> Sequence[ca.DM]:

@@ -14,31 +14,48 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from math import log
+from math import asin, log, pi, sin
+from typing import Any
 
 import casadi as ca
 import numpy as np
+from numpy.typing import NDArray
 
 from uuvsim_cosim.errors import InputInvalid, ParameterInvalid
-from uuvsim_cosim.models.acoustics.absorption import ainslie_mccolm, francois_garrison
-from uuvsim_cosim.models.acoustics.materials import material, scene_materials, strength_table
+from uuvsim_cosim.models.acoustics.absorption import absorption, absorption_range
+from uuvsim_cosim.models.acoustics.materials import (
+    material,
+    reflection_table,
+    scene_materials,
+    strength_table,
+)
+from uuvsim_cosim.models.acoustics.reflection import coherent_share
 from uuvsim_cosim.models.declaration.kinematics import R
 from uuvsim_cosim.models.declaration.model import Clock, Model, is_on
 from uuvsim_cosim.models.declaration.preset import Preset
+from uuvsim_cosim.models.declaration.safe_math import clip
 from uuvsim_cosim.models.declaration.sampled import held_output
 from uuvsim_cosim.models.sensors.sensor import hull_pose, mounting, validity_and_time
 from uuvsim_cosim.models.worlds.ground import ground_named, scene_named
 from uuvsim_cosim.models.worlds.rays import MOVING, declare_others
 from uuvsim_cosim.models.worlds.sonar_geometry import SonarGeometry, sonar_geometry
-from uuvsim_cosim.models.worlds.sonar_image import Surfaces, sonar_image
+from uuvsim_cosim.models.worlds.sonar_image import ANGLES, Surfaces, sonar_image
+from uuvsim_cosim.models.worlds.sonar_path import (
+    STRAIGHT,
+    SonarPaths,
+    profile_levels,
+    profile_of_text,
+)
 
-__all__ = ["SonarOptions", "declare_sonar", "sonar_of", "surfaces_of"]
+__all__ = ["SonarOptions", "declare_sonar", "paths_of", "sonar_of", "surfaces_of"]
 
 MOST = 200_000  # pixels: they are discrete states of the component
 SOUND_SPEED = 1500.0  # m/s, of a preset's resolution
 GAINS = (0, 10, 20, 30, 40)
 DB = log(10.0) / 20.0  # of pressure, per dB
-FORMULAS = {"francois_garrison": francois_garrison, "ainslie_mccolm": ainslie_mccolm}
+FORMULAS = ("francois_garrison", "ainslie_mccolm")
+WATERS = ("parameters", "inputs")
+MOST_SEGMENTS = 1000
 NO_HEAD = ca.DM.eye(3)
 
 
@@ -50,8 +67,18 @@ class SonarOptions:
     10, 20, 30 or 40 log r. With `complex` there are outputs of the pressure's parts, with `labels`
     of what each pixel shows. `seabed` is the material where the scene states none, `solid` that of
     solids, meshes and other vehicles that state none; `law` is the one of their backscatter: auto,
-    apl_uw or lambert. `absorption` of the water is a number [dB/m], or the formula that computes it
-    for 10 degC, salinity 35, the depth 10 m and pH 8: francois_garrison or ainslie_mccolm.
+    apl_uw or lambert.
+
+    `absorption` of the water is a number [dB/m], or the formula that computes it from the
+    parameters temperature, salinity, depth and pH: francois_garrison or ainslie_mccolm. With
+    `water` "inputs", temperature and salinity are inputs, and the depth is that of the instrument.
+    `frequency` [Hz] replaces the preset's; widths of beams, backscatter and absorption change with
+    it.
+
+    `profile` is the speed of sound by depth, ``0:1500,20:1490`` [m, m/s], which bends the rays; in
+    a layer with a gradient, a chord is as long as the greatest range divided by `segments`. With
+    `surface_bounce` and `bottom_bounce`, rays are reflected once at the surface of the water and at
+    the seabed: off, or the rms height of the roughness [m], 0 for a smooth one.
     """
 
     scene: str
@@ -64,6 +91,12 @@ class SonarOptions:
     law: str
     absorption: float | str
     others: int | str
+    frequency: float | str
+    water: str
+    profile: str
+    segments: int | str
+    surface_bounce: float | str
+    bottom_bounce: float | str
 
 
 def sonar_of(
@@ -74,21 +107,34 @@ def sonar_of(
     rays: int | str = 32,
     shading: str = "hann",
     range_max: float | str = 0,
+    frequency: float | str = 0,
 ) -> SonarGeometry:
     """Return the rays and beams of a preset; 0 stands for the preset's own number.
 
-    With fewer beams than the preset has, each is as wide as the distance to the next.
+    With fewer beams than the preset has, each is as wide as the distance to the next. At another
+    `frequency` [Hz], the arrays are as long as at the preset's own, so that widths change.
     """
+    longer = p.number("frequency", "Hz") / _frequency(p, frequency)
+
+    def wide(name: str) -> float:
+        own = p.number(name, "rad")
+        edge = sin(own / 2.0) * longer
+        if not edge < 1.0:
+            found = f"frequency {_frequency(p, frequency):g} Hz"
+            expected = f"a frequency at which its array of {own:g} rad still forms a beam"
+            raise ParameterInvalid(f"sonar.{name}", found, expected)
+        return own if longer == 1.0 else 2.0 * asin(edge)
+
     own = int(p.number("beams", "1")) if p.has("beams") else 1
     swath = p.number("swath", "rad") if p.has("swath") else 0.0
-    n, width = int(beams) or own, p.number("beam_width", "rad")
+    n, width = int(beams) or own, wide("beam_width")
     p.has("bins"), p.has("range_max")
     return sonar_geometry(
         beams=n,
         swath=swath,
         beam_width=max(width, swath / n) if 0 < n < own else width,
         shading=shading,
-        elevation=p.number("elevation", "rad"),
+        elevation=wide("elevation"),
         bins=int(bins) or int(p.number("bins", "1")),
         range_min=p.number("range_min", "m"),
         range_max=float(range_max) or p.number("range_max", "m"),
@@ -100,8 +146,11 @@ def sonar_of(
 
 def surfaces_of(
     scene: str, seabed: str, solid: str, law: str, frequency: float, movers: int
-) -> tuple[Surfaces, tuple[str, ...]]:
-    """Return the backscatter of a scene, and what was assumed; `movers` are of `solid` too."""
+) -> tuple[Surfaces, tuple[str, ...], tuple[str, ...]]:
+    """Return the backscatter of a scene, its materials, and what was assumed.
+
+    `movers` are of the material `solid` too.
+    """
     for name in filter(None, (seabed, solid)):  # also one that this scene does not need
         material(name)
     found = scene_materials(scene_named(scene), seabed, solid)
@@ -111,7 +160,79 @@ def surfaces_of(
     solids = np.concatenate([found.solids, found.meshes, others]).astype(np.uint8)
     layer = found.terrain if found.terrain.any() else np.zeros((0, 0), np.uint8)
     surfaces = Surfaces(np.round(table.sigma, 12), layer, solids)
-    return surfaces, (*found.assumptions, *table.assumptions)
+    return surfaces, tuple(names), (*found.assumptions, *table.assumptions)
+
+
+def _frequency(p: Preset, given: float | str) -> float:
+    """Return the frequency [Hz] of an option, 0 for the preset's own."""
+    try:
+        number = float(given)
+    except ValueError:
+        number = -1.0
+    if not 0.0 <= number < float("inf"):
+        raise InputInvalid("sonar", f"frequency = {given}", "a number [Hz], 0 for the preset's own")
+    return number or p.number("frequency", "Hz")
+
+
+def paths_of(
+    given: SonarOptions, names: Sequence[str], frequency: float, farthest: float
+) -> tuple[SonarPaths, tuple[str, ...]]:
+    """Return what bends and reflects the rays by the options, and what was assumed.
+
+    `names` are the materials of the scene, `farthest` [m] is the range of the rays. Raises
+    InputInvalid for an option that cannot be read.
+    """
+    if str(given.profile) == "" and {str(given.surface_bounce), str(given.bottom_bounce)} == {
+        "off"
+    }:
+        return STRAIGHT, ()
+    level, assumed = STRAIGHT.level, []
+    try:
+        segments = int(given.segments)
+    except ValueError:
+        segments = 0
+    if not 1 <= segments <= MOST_SEGMENTS:
+        raise InputInvalid("sonar", f"segments = {given.segments}", f"1 to {MOST_SEGMENTS}")
+    if str(given.profile):
+        level = profile_levels(profile_of_text(str(given.profile)))
+        ground = ground_named(given.scene)
+        bed = float(np.nanmax(ground.z)) if ground.z.size else level[-1, 0]
+        if level[0, 0] > 0.0:
+            assumed.append(f"speed of sound above {level[0, 0]:g} m: {level[0, 1]:g} m/s")
+        if level[-1, 0] < bed:
+            assumed.append(f"speed of sound below {level[-1, 0]:g} m: {level[-1, 1]:g} m/s")
+    grazing = np.arcsin(np.arange(ANGLES + 1) / ANGLES)
+    k = 2.0 * pi * frequency / SOUND_SPEED
+    surface, bottom = STRAIGHT.surface, STRAIGHT.bottom
+    height = _roughness("surface_bounce", given.surface_bounce)
+    if height is not None:
+        surface = _squared(-coherent_share(grazing, height, k))
+    height = _roughness("bottom_bounce", given.bottom_bounce)
+    if height is not None:
+        smooth = reflection_table(names, grazing, SOUND_SPEED)
+        bottom = _squared(smooth * coherent_share(grazing, height, k))
+        assumed.append("the seabed reflects as a fluid, without shear waves")
+    return SonarPaths(level, farthest / segments, surface, bottom), tuple(assumed)
+
+
+def _squared(coefficient: NDArray[Any]) -> NDArray[np.float32]:
+    """Return the parts of the squares, which a path out and back has; rounded, see the geometry."""
+    both = np.asarray(coefficient, complex) ** 2
+    return np.round(np.stack([both.real, both.imag], axis=-1), 6).astype(np.float32)
+
+
+def _roughness(name: str, given: float | str) -> float | None:
+    """Return the rms height [m] of an option; None for "off"."""
+    if str(given) == "off":
+        return None
+    try:
+        height = float(given)
+    except ValueError:
+        height = -1.0
+    if not 0.0 <= height < float("inf"):
+        expected = "off, or the rms height of the roughness [m], 0 or more"
+        raise InputInvalid("sonar", f"{name} = {given}", expected)
+    return height
 
 
 def declare_sonar(
@@ -133,23 +254,27 @@ def declare_sonar(
     show = is_on("complex", given.complex), is_on("labels", given.labels)
     eta, q = hull_pose(m)
     r, R_bs = mounting(m, p)
-    frequency = p.parameter(m, "frequency", "Hz", "of the pulse", min=1.0)
+    f = _frequency(p, given.frequency)
+    frequency = m.parameter(
+        "frequency", f, unit="Hz", min=f, max=f, tunable=False,
+        description="of the pulse; another one is the option frequency=HZ of the source",
+    )  # fmt: skip
     level = p.parameter(m, "source_level", "1", "dB re 1 uPa at 1 m")
     noise = p.parameter(m, "noise_level", "1", "dB re 1 uPa, at the output of a beam")
-    c = m.parameter("sound_speed", SOUND_SPEED, unit="m/s", min=1.0, description="of the water")
-    lost, source = _absorption(m.name, given.absorption, p.number("frequency", "Hz"))
-    alpha = m.parameter(
-        "absorption", lost, unit="1/m", min=0.0, description=f"of the water, dB/m one way; {source}"
-    )
+    words = "that the instrument assumes; beams and backscatter are those of 1500 m/s"
+    c = m.parameter("sound_speed", SOUND_SPEED, unit="m/s", min=1.0, description=words)
+    place = eta[:3] + ca.mtimes(R(q), r)
+    ping = m.clock("ping", given.period)
+    alpha = _absorption(m, given, f, ping, place[2])
     words = "least ratio of an echo's pressure to the noise"
     least = m.parameter("threshold", 4.0, unit="1", min=0.0, description=words)
     moving = declare_others(m, given.others)
     movers = moving.numel() // MOVING
-    surfaces, assumed = surfaces_of(
-        given.scene, given.seabed, given.solid, given.law, p.number("frequency", "Hz"), movers
+    surfaces, names, assumed = surfaces_of(
+        given.scene, given.seabed, given.solid, given.law, f, movers
     )
-    m.description = "; ".join([m.description, *assumed])
-    ping = m.clock("ping", given.period)
+    paths, also = paths_of(given, names, f, g.first + (g.bins + g.pad) * g.step)
+    m.description = "; ".join([m.description, *assumed, *also])
     turned = heads(ping)
     n_beams, pixels = len(g.bearings), len(g.bearings) * g.bins
     total = len(turned) * pixels * (1 + 2 * show[0] + show[1])
@@ -158,11 +283,10 @@ def declare_sonar(
         raise ParameterInvalid(m.name, counted, f"at most {MOST}, as an instance keeps them all")
     image = sonar_image(
         ground_named(given.scene), g, surfaces, tvg=power // 10, n_moving=movers,
-        complex=show[0], labels=show[1],
+        complex=show[0], labels=show[1], paths=paths,
     )  # fmt: skip
     Rnb = R(q)
     cell, nearest = g.step / g.fine, g.first - g.pad * g.step
-    place = eta[:3] + ca.mtimes(Rnb, r)
     numbers = ca.vertcat(
         2.0 * frequency / c,
         1e-6 * ca.exp(DB * (level - 2.0 * alpha * (nearest + 0.5 * cell))),
@@ -176,7 +300,7 @@ def declare_sonar(
     for head in turned:
         axes = ca.vec(ca.mtimes(ca.mtimes(Rnb, R_bs), head).T)
         draws = m.normal(ping, 2)
-        seen.append(image(ca.vertcat(place, axes, numbers, draws, moving)))
+        seen.append(image(ca.vertcat(place, axes, numbers, draws, c, moving)))
 
     def plane(first: int, n: int) -> ca.SX:
         return ca.vertcat(*(values[first : first + n] for values in seen))
@@ -215,12 +339,55 @@ def declare_sonar(
     return m
 
 
-def _absorption(name: str, given: float | str, frequency: float) -> tuple[float, str]:
-    """Return the absorption [dB/m] of an option, and where it is from."""
-    if given in FORMULAS:
-        water = {"temperature": 10.0, "salinity": 35.0, "depth": 10.0, "pH": 8.0}
-        alpha = float(FORMULAS[str(given)](frequency, **water))
-        return round(alpha, 9), f"{given}, 10 degC, salinity 35, 10 m, pH 8"
+def _absorption(
+    m: Model, given: SonarOptions, frequency: float, ping: Clock, depth: ca.SX
+) -> ca.SX:
+    """Declare the water of a sonar at a depth [m]; return its absorption [dB/m]."""
+    formula = str(given.absorption)
+    if given.water not in WATERS:
+        raise InputInvalid(m.name, f"water = {given.water}", " or ".join(WATERS))
+    if formula not in FORMULAS:
+        if given.water != "parameters":
+            found = f"water = {given.water} and absorption = {given.absorption}"
+            raise InputInvalid(m.name, found, f"a formula: {' or '.join(FORMULAS)}")
+        return m.parameter(
+            "absorption", _number(m.name, given.absorption), unit="1/m", min=0.0,
+            description="of the water, dB/m one way; as the option states",
+        )  # fmt: skip
+    valid = absorption_range(formula, frequency)
+
+    def water(name: str, value: float, unit: str, known_as: str = "") -> ca.SX:
+        inside = valid[known_as or name]
+        words = f"of the water, for its absorption by {formula}"
+        return m.parameter(
+            name, value, unit=unit, min=inside.low, max=inside.high, description=words
+        )
+
+    if given.water == "parameters":
+        T = water("temperature", 10.0, "degC")
+        S = water("salinity", 35.0, "1")
+        D, pH = water("absorption_depth", 10.0, "m", "depth"), water("pH", 8.0, "1")
+        return m.derived("alpha", absorption(formula, frequency, T, S, D, pH))
+    pH = water("pH", 8.0, "1")
+    found = {"depth": depth}
+    for name, value, unit in (("temperature", 10.0, "degC"), ("salinity", 35.0, "1")):
+        m.peers[name] = f"water.{name}"
+        words = f"of the water at the instrument, for its absorption by {formula}"
+        found[name] = m.input(name, unit=unit, start=value, description=words)
+    held = {name: clip(x, valid[name].low, valid[name].high) for name, x in found.items()}
+    known = 1.0
+    for name, x in found.items():
+        known = ca.logic_and(known, held[name] == x)
+    alpha = absorption(formula, frequency, held["temperature"], held["salinity"], held["depth"], pH)
+    words = "of the water in the ping, dB/m one way"
+    held_output(m, ping, "absorption", alpha, unit="1/m", description=words)
+    words = "the water is within the range of the formula; else the nearest values are used"
+    held_output(m, ping, "water_known", known, unit="1", type="Boolean", description=words)
+    return alpha
+
+
+def _number(name: str, given: float | str) -> float:
+    """Return the absorption [dB/m] of an option."""
     try:
         alpha = float(given)
     except ValueError:
@@ -228,4 +395,4 @@ def _absorption(name: str, given: float | str, frequency: float) -> tuple[float,
     if not 0.0 <= alpha < float("inf"):
         known = ", ".join(FORMULAS)
         raise InputInvalid(name, f"absorption = {given}", f"a number [dB/m], 0 or more, or {known}")
-    return alpha, "as the option states"
+    return alpha

@@ -17,9 +17,9 @@ from numpy.typing import NDArray
 from uuvsim_cosim.errors import ParameterInvalid
 from uuvsim_cosim.models.intrinsics.network import registered
 from uuvsim_cosim.models.worlds.ground import Ground
-from uuvsim_cosim.models.worlds.ray_reference import first_hit
 from uuvsim_cosim.models.worlds.rays import MOVING, moving_solids
 from uuvsim_cosim.models.worlds.sonar_geometry import AMPLITUDES, TABLE, TURNS, SonarGeometry
+from uuvsim_cosim.models.worlds.sonar_path import STRAIGHT, SonarPaths, Way
 
 __all__ = [
     "ANGLES",
@@ -34,7 +34,7 @@ __all__ = [
 Array = NDArray[np.float64]
 Words = NDArray[np.uint64]
 ANGLES = 256  # UUV_SONAR_ANGLES
-SONAR_HEAD = 21  # UUV_SONAR_HEAD
+SONAR_HEAD = 22  # UUV_SONAR_HEAD
 SMALLEST = 2.0**-14  # m, of a scatterer's cell
 # Parts of a cell by which the grid is shifted: a bottom at a round depth is on no border of cells.
 UNEVEN = np.array([0.3819660112501052, 0.2360679774997897, 0.4142135623730951])
@@ -65,6 +65,7 @@ class SonarImage:
     n_moving: int
     complex: bool
     labels: bool
+    paths: SonarPaths = STRAIGHT
 
     @property
     def n_in(self) -> int:
@@ -106,8 +107,8 @@ class SonarImage:
         R, solids = x[3:12].reshape(3, 3), moving_solids(x[SONAR_HEAD:])
         n_cells = g.fine * (g.bins + 2 * g.pad)
         cells = np.zeros((len(g.u), n_cells), complex)
+        loss = x[13] * x[14] ** np.arange(n_cells)
         loud = np.zeros((len(g.bearings), g.bins, 2))
-        edge, size = g.first - g.pad * g.step, 2.0 * g.step / g.fine
         far = g.first + (g.bins + g.pad) * g.step
         strengths = over_cosine(self.surfaces.sigma)
         columns_ = zip(g.u, g.du, strict=True) if x[2] >= 0.0 else ()  # not above the water
@@ -116,43 +117,79 @@ class SonarImage:
             for t, power in zip(g.theta, g.gain, strict=True):
                 d = R @ [side * np.cos(t), u, side * np.sin(t)]
                 across = R @ [-side * np.sin(t), 0.0, side * np.cos(t)]
-                hit, (r0, n) = first_hit(self.ground, solids, x[:3], d, far)
-                c = -n @ d
-                if not (hit == 1 or hit >= 4) or c <= 0.0:
-                    continue
-                slope = -n @ across
-                half = 0.5 * g.d_theta * abs(slope)
-                down = min(half, 0.75 * c)
-                near, most = r0 * c / (c + half), r0 * c / (c - down)
-                m = 1 + int((most - near) / size)
-                edges = np.linspace(near, most, m + 1)
-                r = 0.5 * (edges[1:] + edges[:-1]) if m > 1 else np.array([r0])
-                share = -np.diff(r0 * c / edges) / (half + down) if m > 1 else np.ones(1)
-                cosine = np.minimum(r0 * c / r if m > 1 else c, 1.0)
-                row = strengths[self._material(hit, x[:3] + r0 * d)]
-                mean = np.interp(cosine * ANGLES, np.arange(ANGLES + 1), row)
-                angle = (cosine - c) / slope if slope != 0.0 and m > 1 else 0.0 * r
-                p = x[:3] + r[:, None] * (d + angle[:, None] * across)
-                tall = 0.5 * (most - near) / m if m > 1 else r0 * g.d_theta
-                h = _cell(p, max(min(r0 * du, tall), SMALLEST))
-                a = np.sqrt(share * power * g.d_theta * du * mean) / r
-                turns = (x[12] * TABLE * r).astype(np.int64).astype(np.uint64)
-                echo = (
-                    a * AMPLITUDES[h & np.uint64(TABLE - 1)] * _unit(turns + (h >> np.uint64(12)))
-                )
-                k = np.floor((r - edge) * g.fine / g.step).astype(int)
-                kept = (k >= 0) & (k < n_cells)
-                np.add.at(cells[j], k[kept], echo[kept])
-                if self.labels:
-                    for at, power_ in zip(k[kept] // g.fine - g.pad, a[kept] ** 2, strict=True):
-                        for b in range(*g.nearest[j]):
-                            if 0 <= at < g.bins and power_ > loud[b, at, 0]:
-                                loud[b, at] = power_, 1 if hit == 1 else hit - 2
-        loss = x[13] * x[14] ** np.arange(n_cells)
+                way, turned = Way(x[:3], d, across), 1.0 + 0.0j
+                for _leg in range(2):
+                    hit = way.follow(
+                        self.ground, solids, self.paths.level, self.paths.chord, far, x[21]
+                    )
+                    if (hit == 1 or hit >= 4) and way.normal @ way.d < 0.0:
+                        row = strengths[self._material(hit, way.at)]
+                        k, a, echo = self._scattered(x, way, row, du, power, loss)
+                        np.add.at(cells[j], k, turned * echo)
+                        if self.labels:
+                            label = 1 if hit == 1 else hit - 2
+                            self._label(loud, j, k, abs(turned) ** 2 * a**2, label)
+                    turned = self._reflected(way, hit)
+                    if not turned:
+                        break
+                    way.bounce()
         padded = (cells * loss).reshape(len(g.u), -1, g.fine)
         windows = np.lib.stride_tricks.sliding_window_view(padded, 2 * g.pad + 1, axis=1)
         columns = np.einsum("jbft,tf->jb", windows, g.pulse.astype(float))
         return g.weight.T.astype(float) @ columns, loud[..., 1]
+
+    def _scattered(
+        self, x: Array, way: Way, strength: Array, du: float, power: float, loss: Array
+    ) -> tuple[NDArray[np.int_], Array, NDArray[np.complex128]]:
+        """Return cells, amplitudes and pressures of the scatterers that a way met."""
+        g = self.geometry
+        edge, size = g.first - g.pad * g.step, 2.0 * g.step / g.fine
+        c, slope, r0 = -way.normal @ way.d, -way.normal @ way.across, way.spread
+        half = 0.5 * g.d_theta * abs(slope)
+        down = min(half, 0.75 * c)
+        near, most = r0 * c / (c + half), r0 * c / (c - down)
+        m = 1 + int((most - near) / size)
+        edges = np.linspace(near, most, m + 1)
+        r = 0.5 * (edges[1:] + edges[:-1]) if m > 1 else np.array([r0])
+        share = -np.diff(r0 * c / edges) / (half + down) if m > 1 else np.ones(1)
+        cosine = np.minimum(r0 * c / r if m > 1 else c, 1.0)
+        mean = np.interp(cosine * ANGLES, np.arange(ANGLES + 1), strength)
+        angle = (cosine - c) / slope if slope != 0.0 and m > 1 else 0.0 * r
+        p = way.at - r0 * way.d + r[:, None] * (way.d + angle[:, None] * way.across)
+        tall = 0.5 * (most - near) / m if m > 1 else r0 * g.d_theta
+        h = _cell(p, max(min(r0 * du, tall), SMALLEST))
+        a = np.sqrt(share * power * g.d_theta * du * mean) / r
+        per = x[21] / way.c if len(self.paths.level) else 1.0
+        shown = way.range + per * (r - r0)
+        k = np.floor((shown - edge) * g.fine / g.step).astype(int)
+        kept = (k >= 0) & (k < len(loss))
+        k, a, h, shown = k[kept], a[kept], h[kept], shown[kept]
+        turns = (x[12] * TABLE * shown).astype(np.int64).astype(np.uint64)
+        echo = a * AMPLITUDES[h & np.uint64(TABLE - 1)] * _unit(turns + (h >> np.uint64(12)))
+        if len(self.paths.level):  # the water absorbs along the path
+            path = ((way.length + r[kept] - r0 - edge) * g.fine / g.step).astype(int)
+            echo *= loss[np.clip(path, 0, len(loss) - 1)] / loss[k]
+        return k, a, echo
+
+    def _label(self, loud: Array, j: int, k: NDArray[np.int_], power: Array, label: int) -> None:
+        g = self.geometry
+        for at, power_ in zip(k // g.fine - g.pad, power, strict=True):
+            for b in range(*g.nearest[j]):
+                if 0 <= at < g.bins and power_ > loud[b, at, 0]:
+                    loud[b, at] = power_, label
+
+    def _reflected(self, way: Way, hit: int) -> complex:
+        """Return the squared reflection coefficient of what a way met; 0: there is no bounce."""
+        p = self.paths
+        c = -way.normal @ way.d
+        if hit == 3 and len(p.surface):
+            row = p.surface
+        elif hit == 1 and len(p.bottom):
+            row = p.bottom[self._material(hit, way.at)]
+        else:
+            return 0.0
+        parts = [np.interp(c * ANGLES, np.arange(ANGLES + 1), row[:, k]) for k in (0, 1)]
+        return complex(*parts) if c > 0.0 else 0.0
 
     def _material(self, hit: int, p: Array) -> int:
         s = self.surfaces
@@ -202,6 +239,7 @@ def sonar_image(
     n_moving: int = 0,
     complex: bool = False,
     labels: bool = False,
+    paths: SonarPaths = STRAIGHT,
 ) -> Callable[[ca.SX], ca.SX]:
     """Return a `SonarImage` as a function of an SX (n_in,) with values (n_out,).
 
@@ -210,14 +248,14 @@ def sonar_image(
     check_surfaces(ground, surfaces, n_moving)
     shape = (tvg, n_moving, complex, labels)
     digest = hashlib.sha256(f"{ground.name} {shape}".encode())
-    for each in (geometry, surfaces):
+    for each in (geometry, surfaces, paths):
         for part in fields(each):
             value = getattr(each, part.name)
             digest.update(
                 value.tobytes() if isinstance(value, np.ndarray) else repr(value).encode()
             )
     name = f"sonar_{digest.hexdigest()[:12]}"
-    return registered(SonarImage(name, ground, geometry, surfaces, *shape))
+    return registered(SonarImage(name, ground, geometry, surfaces, *shape, paths))
 
 
 def _key(x: Array) -> np.uint64:
