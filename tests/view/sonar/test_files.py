@@ -97,12 +97,6 @@ def test_a_forward_looking_sonar_has_no_xtf(tmp_path: Path) -> None:
     assert not list(tmp_path.iterdir())
 
 
-def test_another_ending_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(InputInvalid, match=r"'.jsf' was read; expected .png, .webp, .npz, .xtf"):
-        write_scans(side_scan(), tmp_path / "a.jsf")
-
-
-@pytest.mark.parametrize(("ending", "package"), [("xtf", "pyxtf"), ("webp", "PIL")])
 def test_a_file_that_cannot_be_written_is_refused_and_leaves_nothing(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -119,6 +113,12 @@ def test_a_file_that_cannot_be_written_is_refused_and_leaves_nothing(
     assert not list(tmp_path.iterdir())
 
 
+def test_another_ending_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(InputInvalid, match=r"'.jsf' was read; expected .png, .webp, .npz, .xtf"):
+        write_scans(side_scan(), tmp_path / "a.jsf")
+
+
+@pytest.mark.parametrize(("ending", "package"), [("xtf", "pyxtf"), ("webp", "PIL")])
 def test_a_missing_package_is_named(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, ending: str, package: str
 ) -> None:

@@ -31,8 +31,8 @@ def write_scans(
     ``.png``: a picture of the last ping. ``.webp``: a picture of each ping, as an animation in the
     time of the recording. ``.npz``: the arrays with their axes. ``.xtf``: a side-scan sonar's
     pings. `kind`, `span` [dB] and `size` [px] are those of `pictures`. Raises `InputInvalid` for
-    another ending, and without the package that an ending needs; `RecordingError` if the file cannot
-    be written.
+    another ending, and without the package that an ending needs; `RecordingError` if the file
+    cannot be written.
     """
     ending = out.suffix.lower()
     if ending not in ENDINGS:
