@@ -305,6 +305,36 @@ def test_a_scanning_sonar_shows_the_ball_at_its_bearing_and_begins_anew(post: st
     assert {round(np.degrees(b)) for b, s in zip(bearings, seen, strict=True) if s} == {85, 95}
 
 
+def test_a_vehicle_that_turns_during_a_scan_sees_a_ball_in_every_ping(post: str) -> None:
+    options = {"period": "0.01", "sector": 240, "step": 10, "bins": 50}
+    c = Native(declare("scanning_sonar", scene=post, labels=True, range_max=25, **options), "s")
+    v = c.description.variables
+    c.enter_initialization_mode(0.0, None)
+    c.exit_initialization_mode()
+    for k in range(5):
+        c.do_step(k * 0.01, 0.01)
+        yaw = np.radians(90 + 115 - 10 * (k + 1))  # the head's bearing: -115 deg + 10 deg a ping
+        c.set(v["eta"], np.array([0.0, 0, 18, 0, 0, yaw]))
+        c.set(v["q"], np.array([np.cos(yaw / 2), 0, 0, np.sin(yaw / 2)]))
+        if k:
+            assert np.any(np.asarray(c.get(v["label"])) == 2)
+
+
+def test_the_pings_of_a_side_scan_follow_a_vehicle_that_dives(post: str) -> None:
+    options = {"period": "0.01", "bins": 200, "labels": True, "range_max": 25}
+    c = Native(declare("side_scan_sonar", scene=post, **options), "s")
+    v = c.description.variables
+    c.set(v["r_s"], np.zeros(3))
+    c.enter_initialization_mode(0.0, None)
+    c.exit_initialization_mode()
+    for k, depth in enumerate((8.0, 11.0, 14.0, 17.0)):
+        c.set(v["eta"], np.array([0.0, 0, depth, 0, 0, 0]))
+        c.do_step(k * 0.01, 0.01)
+        port = np.asarray(c.get(v["label"])).reshape(2, 200)[0]
+        first = 0.5 + (np.flatnonzero(port == 1)[0] + 0.5) * 24.5 / 200
+        assert first == pytest.approx(20.0 - depth, abs=0.5)
+
+
 def test_a_multibeam_sonar_measures_the_depth_of_a_level_bed(post: str) -> None:
     found = still("multibeam_sonar", post, depth=10.0, beams=33, bins=500, rays=16)
     angles = np.radians(130) * (np.arange(33) / 32 - 0.5)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pickle
 import weakref
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -18,6 +18,7 @@ from uuvsim_cosim.errors import RecordingError
 from uuvsim_cosim.orchestrator.recording import columns
 from uuvsim_cosim.orchestrator.recording.columns import LazyArrays, Source, as_array
 from uuvsim_cosim.orchestrator.recording.recording_reader import read_signals
+from uuvsim_cosim.orchestrator.recording.samples import at_rows
 from uuvsim_cosim.view.recorded.traces import traces_of
 
 
@@ -91,10 +92,11 @@ def test_only_the_columns_that_are_asked_for_are_read() -> None:
     class Columns:
         rows = 2
 
-        def chunks(self, number: int) -> Iterator[pa.Array]:
-            asked.append(number)
-            yield pa.array([1.0 * number])
-            yield pa.array([2.0 * number])
+        def parts(self, numbers: Sequence[int]) -> Iterator[pa.RecordBatch]:
+            asked.extend(numbers)
+            for factor in (1.0, 2.0):
+                arrays = [pa.array([factor * number]) for number in numbers]
+                yield pa.RecordBatch.from_arrays(arrays, [str(number) for number in numbers])
 
         def batches(self, most: int) -> Iterator[pa.RecordBatch]:
             raise NotImplementedError
@@ -110,6 +112,30 @@ def test_only_the_columns_that_are_asked_for_are_read() -> None:
     asked.clear()
     assert [block.tolist() for block in arrays.element_blocks("b", 0)] == [[4.0], [8.0]]
     assert asked == [4]
+
+
+@pytest.mark.parametrize("ending", ["parquet", "arrows"])
+def test_some_rows_of_a_wide_signal_are_those_of_the_whole(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, ending: str
+) -> None:
+    values = np.arange(21.0).reshape(7, 3)
+    about = [{"path": "s", "variable": "image", "index": str(k + 1)} for k in range(3)]
+    fields = [pa.field("time", pa.float64()), pa.field("tick", pa.int64())]
+    fields += [pa.field(f"s.image[{k + 1}]", pa.float64(), metadata=about[k]) for k in range(3)]
+    rows = [pa.array(np.arange(7.0)), pa.array(np.arange(7)), *map(pa.array, values.T.copy())]
+    table = pa.Table.from_arrays(rows, schema=pa.schema(fields))
+    if ending == "parquet":
+        pq.write_table(table, tmp_path / "signals.parquet", row_group_size=3)
+    else:
+        with pa.ipc.new_stream(str(tmp_path / "signals.arrows"), table.schema) as stream:
+            stream.write_table(table, max_chunksize=3)
+    monkeypatch.setattr(columns, "WIDE", 2)
+    recorded = read_signals(tmp_path).values_by_name
+    for picked in ([], [0], [2, 3, 6], list(range(7))):
+        found = at_rows(recorded, "s.image", np.array(picked, int))
+        assert np.array_equal(found, values[picked])
+        assert np.array_equal(found, at_rows({"s.image": values}, "s.image", np.array(picked, int)))
+    assert np.array_equal(recorded["s.image"], values)
 
 
 def test_a_block_reader_holds_one_block_of_rows(run: Path, monkeypatch: pytest.MonkeyPatch) -> None:

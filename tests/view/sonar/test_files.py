@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import errno
 import io
+import os
 import sys
 from pathlib import Path
 
@@ -11,7 +13,7 @@ import pytest
 
 from tests.conftest import Uuvsim
 from tests.view.sonar.made import forward_looking, side_scan
-from uuvsim_cosim.errors import InputInvalid
+from uuvsim_cosim.errors import InputInvalid, RecordingError
 from uuvsim_cosim.view.sonar.files import write_scans
 from uuvsim_cosim.view.sonar.pictures import levels_of, pictures
 from uuvsim_cosim.view.sonar.xtf import read_xtf
@@ -92,6 +94,22 @@ def test_the_xtf_pings_have_time_place_attitude_and_ranges(tmp_path: Path) -> No
 def test_a_forward_looking_sonar_has_no_xtf(tmp_path: Path) -> None:
     with pytest.raises(InputInvalid, match="XTF of 31 beams; expected a side-scan sonar"):
         write_scans(forward_looking(), tmp_path / "a.xtf")
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_file_that_cannot_be_written_is_refused_and_leaves_nothing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with pytest.raises(RecordingError, match="No such file or directory"):
+        write_scans(forward_looking(), tmp_path / "missing" / "a.png")
+
+    def full(path: Path, data: bytes) -> int:
+        path.open("wb").close()
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr(Path, "write_bytes", full)
+    with pytest.raises(RecordingError, match=r"a\.npz: cannot be written.*free space"):
+        write_scans(forward_looking(), tmp_path / "a.npz")
     assert not list(tmp_path.iterdir())
 
 

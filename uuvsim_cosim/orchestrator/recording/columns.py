@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import OrderedDict
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from threading import Lock
 from typing import Any, Protocol
@@ -14,6 +14,7 @@ __all__ = ["BLOCK", "LazyArrays", "Source", "Table", "as_array", "column"]
 
 KEPT = 32 << 20  # bytes of arrays that are kept for the next use
 BLOCK = 4096  # rows of a block, at most
+WIDE = 128  # columns of a signal that are read at once
 
 _NUMBERS = {"double": np.float64, "int64": np.int64, "uint64": np.uint64}
 
@@ -25,8 +26,8 @@ class Table(Protocol):
     def rows(self) -> int:
         """Return the number of rows."""
 
-    def chunks(self, number: int) -> Iterator[Any]:
-        """Yield Arrow's Array of the next rows of a column."""
+    def parts(self, numbers: Sequence[int]) -> Iterator[Any]:
+        """Yield Arrow's RecordBatch of the next rows of some columns, in the order of `numbers`."""
 
     def batches(self, most: int) -> Iterator[Any]:
         """Yield Arrow's RecordBatch of the next rows, at most `most` of them."""
@@ -66,7 +67,7 @@ class LazyArrays(Mapping[str, np.ndarray]):
             if name in self._kept:
                 self._kept.move_to_end(name)
                 return self._kept[name]
-            values = self._array(source, (column(self._table, n) for n in source.numbers))
+            values = self._whole(source)
             # It is shared by all who ask for it, until it is read again.
             values.flags.writeable = False
             self._kept[name] = values
@@ -95,13 +96,22 @@ class LazyArrays(Mapping[str, np.ndarray]):
         """Yield element `k`, from 0, of a signal in blocks of rows; only that column is read."""
         import pyarrow as pa
 
-        chunks = self._table.chunks(self._sources[name].numbers[k])
+        parts = self._table.parts([self._sources[name].numbers[k]])
         while True:
             with self._reading:
-                chunk = next(chunks, None)
-            if chunk is None:
+                part = next(parts, None)
+            if part is None:
                 return
-            yield self._change(as_array(pa.chunked_array([chunk]), copied=False))
+            yield self._change(as_array(pa.chunked_array([part.column(0)]), copied=False))
+
+    def at_rows(self, name: str, rows: np.ndarray) -> np.ndarray:
+        """Return a signal at some rows, from 0, in ascending order.
+
+        Memory holds these and one block of other rows: an image of thousands of elements that
+        changes in few rows is best read with this.
+        """
+        with self._reading:
+            return self._whole(self._sources[name], rows)
 
     def is_array(self, name: str) -> bool:
         """Return whether a signal is an array, without reading it."""
@@ -129,6 +139,12 @@ class LazyArrays(Mapping[str, np.ndarray]):
                 for name, source in self._sources.items()
             }
 
+    def _whole(self, source: Source, rows: np.ndarray | None = None) -> np.ndarray:
+        starts = range(0, len(source.numbers), WIDE)
+        parts = (source.numbers[k : k + WIDE] for k in starts)
+        each = (array for part in parts for array in _columns(self._table, part, rows))
+        return self._array(source, each)
+
     def _array(self, source: Source, arrays: Iterator[np.ndarray]) -> np.ndarray:
         first = next(arrays)
         if not source.is_array:
@@ -143,19 +159,34 @@ class LazyArrays(Mapping[str, np.ndarray]):
 
 def column(table: Table, number: int) -> np.ndarray:
     """Return a column as an array of its own; memory holds it and one block of rows."""
+    return _columns(table, [number])[0]
+
+
+def _columns(
+    table: Table, numbers: Sequence[int], rows: np.ndarray | None = None
+) -> list[np.ndarray]:
+    """Return columns as arrays of their own, at all rows or at some in ascending order."""
     import pyarrow as pa
 
-    whole, row = np.empty(0), 0
-    for chunk in table.chunks(number):
-        values = as_array(pa.chunked_array([chunk]), copied=False)
-        # Integers without a value are read as NaN.
-        type_ = np.promote_types(whole.dtype, values.dtype) if row else values.dtype
-        if row == 0:
-            whole = np.empty(table.rows, type_)
-        elif type_ != whole.dtype:
-            whole = whole.astype(type_)
-        whole[row : row + len(values)] = values
-        row += len(values)
+    count = table.rows if rows is None else len(rows)
+    whole: list[np.ndarray] = [np.empty(0) for _ in numbers]
+    first = place = 0
+    for part in table.parts(numbers):
+        picked: Any = slice(None)
+        end = place + part.num_rows
+        if rows is not None:
+            low, end = np.searchsorted(rows, [first, first + part.num_rows]).tolist()
+            picked = rows[low:end] - first
+        for k in range(len(numbers)):
+            values = as_array(pa.chunked_array([part.column(k)]), copied=False)[picked]
+            # Integers without a value are read as NaN.
+            type_ = np.promote_types(whole[k].dtype, values.dtype) if first else values.dtype
+            if first == 0:
+                whole[k] = np.empty(count, type_)
+            elif type_ != whole[k].dtype:
+                whole[k] = whole[k].astype(type_)
+            whole[k][place:end] = values
+        first, place = first + part.num_rows, end
     return whole
 
 

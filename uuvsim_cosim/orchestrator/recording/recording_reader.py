@@ -148,7 +148,8 @@ def open_recording(run: Path | str) -> tuple[Table | None, Signals]:
         stored = _ArrowTable(
             pa.Table.from_batches([b.replace_schema_metadata(None) for _, b, _ in read])
         )
-    if schema.names[:2] != ["time", "tick"]:
+    names, types = schema.names, schema.types  # Arrow makes new lists at each access
+    if names[:2] != ["time", "tick"]:
         raise RecordingError(run, "is no recording of signals", "columns time and tick")
     units: dict[str, str] = {}
     descriptions: dict[str, str] = {}
@@ -158,13 +159,13 @@ def open_recording(run: Path | str) -> tuple[Table | None, Signals]:
     groups: dict[str, list[int]] = {}  # columns of each variable
     for i in range(2, len(schema)):
         about = _about(schema.field(i))
-        name = f"{about['path']}.{about['variable']}" if "variable" in about else schema.names[i]
+        name = f"{about['path']}.{about['variable']}" if "variable" in about else names[i]
         groups.setdefault(name, []).append(i)
     for name, numbers in groups.items():
         numbers.sort(key=lambda i: _index(schema.field(i)))
         about = _about(schema.field(numbers[0]))
         is_array = bool(about.get("index"))
-        is_number = str(schema.types[numbers[0]]) in ("double", "int64", "uint64", "bool")
+        is_number = str(types[numbers[0]]) in ("double", "int64", "uint64", "bool")
         sources[name] = Source(tuple(numbers), is_array, is_number)
         element_units[name] = tuple(_about(schema.field(i)).get("unit", "") for i in numbers)
         if is_array:
@@ -188,8 +189,8 @@ class _ArrowTable:
     def rows(self) -> int:
         return int(self.table.num_rows)
 
-    def chunks(self, number: int) -> Iterator[pa.Array]:
-        yield from self.table.column(number).chunks
+    def parts(self, numbers: Sequence[int]) -> Iterator[pa.RecordBatch]:
+        yield from self.table.select(list(numbers)).to_batches()
 
     def batches(self, most: int) -> Iterator[pa.RecordBatch]:
         yield from self.table.to_batches(max_chunksize=most)
@@ -205,6 +206,7 @@ class _ParquetTable:
         try:
             self._parquet = pq.ParquetFile(file)
             self.schema: pa.Schema = self._parquet.schema_arrow
+            self._names = self.schema.names  # Arrow makes a new list at each access
         except (OSError, ValueError) as error:
             raise self._problem(error) from error
 
@@ -212,13 +214,13 @@ class _ParquetTable:
     def rows(self) -> int:
         return int(self._parquet.metadata.num_rows)
 
-    def chunks(self, number: int) -> Iterator[pa.Array]:
-        name = self.schema.names[number]
+    def parts(self, numbers: Sequence[int]) -> Iterator[pa.RecordBatch]:
+        names = [self._names[number] for number in numbers]
         try:
             for group in range(self._parquet.num_row_groups):
                 # A name with dots can stand for more columns than its own.
-                rows = self._parquet.read_row_group(group, columns=[name], use_threads=False)
-                yield from rows.column(name).chunks
+                rows = self._parquet.read_row_group(group, columns=names, use_threads=False)
+                yield from rows.select(names).to_batches()
         except (OSError, ValueError) as error:
             raise self._problem(error) from error
 

@@ -20,6 +20,7 @@ __all__ = [
     "Array",
     "Column",
     "Samples",
+    "at_rows",
     "blocks",
     "computed",
     "element",
@@ -65,6 +66,13 @@ def element(signals: Mapping[str, Array], name: str, k: int, length: int) -> Sam
     if isinstance(signals, LazyArrays):
         return Column(partial(signals.element_blocks, name, k), length)
     return signals[name].reshape(length, -1)[:, k]
+
+
+def at_rows(signals: Mapping[str, NDArray[Any]], name: str, rows: NDArray[np.intp]) -> NDArray[Any]:
+    """Return a signal at some rows, from 0, in ascending order; of a file, only these are kept."""
+    if isinstance(signals, LazyArrays):
+        return signals.at_rows(name, rows)
+    return np.asarray(signals[name])[rows]
 
 
 def blocks(samples: Samples) -> Iterator[Array]:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from uuvsim_cosim.models.sensors.sonar_axes import SonarAxes
+from uuvsim_cosim.orchestrator.recording.samples import at_rows
 from uuvsim_cosim.view.recorded.traces import Traces
 from uuvsim_cosim.view.sonar.pictures import Levels, levels_of, pictures
 from uuvsim_cosim.view.sonar.recorded import whole_scans
@@ -33,7 +34,7 @@ def pings_of(path: str, axes: SonarAxes, traces: Traces) -> SonarScans | None:
     rows, time = rows[time >= 0], time[time >= 0]  # before the first sample it is -1
     if not len(rows):
         return None
-    magnitude = np.asarray(traces.values[image])[rows].astype(np.float32)
+    magnitude = at_rows(traces.values, image, rows).astype(np.float32)
     return SonarScans(
         path, time, np.zeros(1) if axes.scans else axes.bearings, axes.ranges,
         magnitude.reshape(-1, beams, bins), downward=axes.kind == "multibeam_sonar",

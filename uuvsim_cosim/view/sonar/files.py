@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uuvsim_cosim.cache import whole_file
-from uuvsim_cosim.errors import InputInvalid
+from uuvsim_cosim.errors import InputInvalid, RecordingError
 from uuvsim_cosim.view.plots.png import png
 from uuvsim_cosim.view.sonar.pictures import SIZE, levels_of, pictures
 from uuvsim_cosim.view.sonar.scans import SonarScans
@@ -31,7 +31,8 @@ def write_scans(
     ``.png``: a picture of the last ping. ``.webp``: a picture of each ping, as an animation in the
     time of the recording. ``.npz``: the arrays with their axes. ``.xtf``: a side-scan sonar's
     pings. `kind`, `span` [dB] and `size` [px] are those of `pictures`. Raises `InputInvalid` for
-    another ending, and without the package that an ending needs.
+    another ending, and without the package that an ending needs; `RecordingError` if the file
+    cannot be written.
     """
     ending = out.suffix.lower()
     if ending not in ENDINGS:
@@ -50,8 +51,13 @@ def write_scans(
         shown = scans if ending == ".webp" or kind == "waterfall" else scans.at(scans.time[-1])
         drawn = pictures(shown, kind, levels, size)
         data = png(next(drawn)) if ending == ".png" else webp(drawn, _durations(shown, kind))
-    with whole_file(out) as fresh:
-        fresh.write_bytes(data)
+    try:
+        with whole_file(out) as fresh:
+            fresh.write_bytes(data)
+    except OSError as error:
+        raise RecordingError(
+            out, f"cannot be written ({error.strerror or error})", "a folder with free space"
+        ) from error
     return notes
 
 

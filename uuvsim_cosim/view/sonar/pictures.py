@@ -105,6 +105,10 @@ def pictures(
     if kind == "waterfall":
         yield _drawn_waterfall(scans, levels, size)
         return
+    # The pixels of each beam and bin are the same for all pings.
+    numbers = np.arange(scans.magnitude[0].size).reshape(scans.magnitude.shape[1:])
+    if kind != "polar":
+        which, inside, across, up = cartesian(numbers, scans.bearings, scans.ranges, size)
     for k in range(len(scans)):
         title = f"{scans.name}  t = {scans.time[k]:.2f} s"
         if kind == "labels":
@@ -118,13 +122,13 @@ def pictures(
             across, up = _edges(np.degrees(scans.bearings)), _edges(scans.ranges)
             yield _framed(colours(image), across, up, ("bearing [deg]", "range [m]"), title)
         else:
-            image, inside, across, up = cartesian(values, scans.bearings, scans.ranges, size)
-            pixels = np.where(inside[..., None], colours(image), np.uint8(0))
+            pixels = colours(values).reshape(-1, 3)[which]
             pixels[~inside] = _BACKGROUND
-            if scans.downward:
-                pixels, up = pixels[::-1], up[::-1]
             names = ("starboard [m]", "down [m]" if scans.downward else "ahead [m]")
-            yield _framed(pixels, across, up, names, title)
+            if scans.downward:
+                yield _framed(pixels[::-1], across, up[::-1], names, title)
+            else:
+                yield _framed(pixels, across, up, names, title)
 
 
 def polar(image: NDArray[np.generic]) -> NDArray[np.generic]:

@@ -13,6 +13,7 @@ from uuvsim_cosim.models.worlds.ground import ground_named
 from uuvsim_cosim.orchestrator.plan.flatten import flatten
 from uuvsim_cosim.orchestrator.plan.plan import Plan, PlannedComponent
 from uuvsim_cosim.orchestrator.recording.recording_reader import read_signals
+from uuvsim_cosim.orchestrator.recording.samples import at_rows
 from uuvsim_cosim.orchestrator.recording.signals import Signals
 from uuvsim_cosim.orchestrator.running.library import load
 from uuvsim_cosim.view.sonar.scans import SonarScans
@@ -74,7 +75,11 @@ def _scans(folder: Path, plan: Plan, c: PlannedComponent, signals: Signals) -> S
         raise InputInvalid(folder, f"{image} was not recorded", "a run that records it")
     time, rows = np.unique(np.asarray(signals[sample], float), return_index=True)
     rows, time = rows[time >= 0], time[time >= 0]  # before the first sample it is -1
-    size = np.asarray(signals[image]).reshape(len(signals.time), -1).shape[1]
+    if not len(rows):
+        raise InputInvalid(folder, f"{c.path} had no ping", "a run that is longer than its period")
+    recorded = signals.values_by_name
+    magnitude = at_rows(recorded, image, rows).reshape(len(rows), -1)
+    size = magnitude.shape[1]
     if size != beams * bins:
         raise InputInvalid(
             f"{folder}: {image}", f"{size} numbers", f"{beams} beams of {bins} bins, as {c.source}"
@@ -84,13 +89,12 @@ def _scans(folder: Path, plan: Plan, c: PlannedComponent, signals: Signals) -> S
         signal = f"{c.path}.{name}"
         if signal not in signals:
             return None
-        return np.asarray(signals[signal], np.float32)[rows].reshape(len(rows), beams, bins)
+        return _planes(at_rows(recorded, signal, rows), beams, bins)
 
     bearing = f"{c.path}.bearing"
     if axes.scans and bearing not in signals:
         raise InputInvalid(folder, f"{bearing} was not recorded", "a run that records it")
-    magnitude, real, imaginary, label = map(plane, ("magnitude", "real", "imaginary", "label"))
-    assert magnitude is not None
+    real, imaginary, label = map(plane, ("real", "imaginary", "label"))
     pressure = None if real is None or imaginary is None else (real + 1j * imaginary)
     strongest = f"{c.path}.range"
     detections = None
@@ -101,7 +105,8 @@ def _scans(folder: Path, plan: Plan, c: PlannedComponent, signals: Signals) -> S
         for name in ("frequency", "sound_speed")
     )
     found = SonarScans(
-        c.path, time, np.zeros(1) if axes.scans else axes.bearings, axes.ranges, magnitude,
+        c.path, time, np.zeros(1) if axes.scans else axes.bearings, axes.ranges,
+        _planes(magnitude, beams, bins),
         pressure=None if pressure is None else pressure.astype(np.complex64),
         detections=detections,
         labels=None if label is None else label.astype(np.uint16),
@@ -112,6 +117,10 @@ def _scans(folder: Path, plan: Plan, c: PlannedComponent, signals: Signals) -> S
     return (
         whole_scans(found, axes, np.asarray(signals[bearing], float)[rows]) if axes.scans else found
     )
+
+
+def _planes(values: np.ndarray, beams: int, bins: int) -> np.ndarray:
+    return np.asarray(values, np.float32).reshape(-1, beams, bins)
 
 
 def whole_scans(pings: SonarScans, axes: SonarAxes, bearing: np.ndarray) -> SonarScans:
