@@ -49,7 +49,7 @@ def test_an_image_has_the_grey_levels_of_the_camera() -> None:
         seen = made.step(made.action_space.sample())[0]
     assert seen.dtype == np.uint8
     assert seen.max() > 10
-    levels = made.unwrapped.step(made.action_space.sample())[0]  # type: ignore[attr-defined]
+    levels = made.unwrapped.step(made.action_space.sample())[0]
     np.testing.assert_array_equal(made.observation(levels).ravel(), levels)
     made.close()
 

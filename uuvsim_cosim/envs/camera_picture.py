@@ -34,7 +34,7 @@ class CameraPicture(gymnasium.ObservationWrapper[Bytes, Any, Any]):
                 f"of shape {env.observation_space.shape}",
                 f"the {prod(self.shape)} grey levels of {rows} rows of {columns} pixels alone",
             )
-        self.observation_space = Box(0, 255, self.shape, np.uint8)  # type: ignore[assignment]
+        self.observation_space = Box(0, 255, self.shape, np.uint8)
 
     def observation(self, observation: Any) -> Bytes:
         """Return the image of an observation."""
