@@ -15,7 +15,9 @@
  * The integral has the variable t = tan(phi / 2) of the angle phi at the lamp, in which 1 / d^2 is smooth. A pixel
  * collects N = L * sensitivity electrons on average: Poisson noise, then read noise, gain, rounding to 0 ... 255.
  *
- * Double arithmetic, + - * / sqrt and tables alone: bits are equal for every W, compiler and processor.
+ * The surface is flat and seen from below: Fresnel's and Snell's laws for the sky, which is uniform, and one mirror image.
+ *
+ * Arithmetic by + - * / sqrt and tables alone: bits are equal for every W, compiler and processor.
  */
 #ifndef UUV_CAMERA_H
 #define UUV_CAMERA_H
@@ -25,7 +27,11 @@
 #define UUV_CAMERA_POINTS 8   /* of the integral along a ray */
 #define UUV_CAMERA_LAMP 11    /* numbers of a lamp */
 #define UUV_CAMERA_OCTAVES 4  /* of the texture */
-enum { UUV_CAMERA_HEAD = 41 };
+#define UUV_CAMERA_LAMPS 16   /* most of them */
+#define UUV_CAMERA_WATER 1.34 /* refractive index over that of air */
+#define UUV_CAMERA_ENTERS 0.93248938778672 /* share of the light of a uniform sky that enters water of this index */
+#define UUV_CAMERA_NEAR 1e-9  /* m below the surface: a ray does not start on it */
+enum { UUV_CAMERA_HEAD = 50 };
 
 typedef struct {
     int rows, columns, lamps, n_moving;
@@ -211,28 +217,134 @@ static inline uuv_colour_ uuv_electrons_(const uuv_camera *cam, uuv_colour_ mean
     return n;
 }
 
+/* Share of the light that a flat surface of water reflects, for a ray from below at the cosine c. */
+static inline double uuv_reflected_(double c) {
+    const double n = UUV_CAMERA_WATER, sine = n * n * (1.0 - c * c);
+    if (!(sine < 1.0)) return 1.0;
+    const double out = uuv_root_(1.0 - sine);
+    const double across = (n * c - out) / (n * c + out), within = (c - n * out) / (c + n * out);
+    return 0.5 * (across * across + within * within);
+}
+
+/* What all rays of a row share. */
+typedef struct {
+    const uuv_scene *scene;
+    const uuv_camera *cam;
+    const uuv_solid *moving;
+    int there;
+    double focal, g, contrast;
+    uuv_colour_ direct, back, down, sun, veil, scatter;
+    double lamps[UUV_CAMERA_LAMP * UUV_CAMERA_LAMPS];
+} uuv_view_;
+
+/* Radiance that arrives at o against the unit vector d, and what the ray meets: z is the way in water. */
+static inline uuv_colour_ uuv_seen_(const uuv_view_ *v, const double o[3], const double d[3], uuv_hit *hit, double *z) {
+    const uuv_camera *cam = v->cam;
+    uuv_cast(v->scene, v->moving, v->there, o, d, cam->farthest, hit);
+    const double into = -uuv_dot_(hit->n, d);
+    const int met = (hit->kind == UUV_HIT_SEABED || hit->kind >= UUV_HIT_SOLID) && into > 0.0;
+    if (!met && (hit->kind == UUV_HIT_SEABED || hit->kind >= UUV_HIT_SOLID)) hit->kind = UUV_HIT_NONE; /* from behind */
+    *z = hit->kind == UUV_HIT_BELOW ? 0.0 : hit->kind == UUV_HIT_NONE ? cam->farthest : hit->t;
+    uuv_colour_ light = uuv_grey_(0.0);
+    if (met) {
+        double p[3];
+        for (int k = 0; k < 3; k++) p[k] = o[k] + *z * d[k];
+        const double under = p[2] > 0.0 ? p[2] : 0.0;
+        const uuv_colour_ way = v->direct * *z; /* of the light from here to the camera */
+        uuv_colour_ on = v->sun * (0.5 * (1.0 - hit->n[2])) * uuv_decay_(v->down * under + way);
+        for (int n = 0; n < cam->lamps; n++) {
+            const double *lamp = v->lamps + UUV_CAMERA_LAMP * n;
+            const double from[3] = {p[0] - lamp[0], p[1] - lamp[1], p[2] - lamp[2]};
+            const double square = uuv_dot_(from, from), distance = uuv_root_(square > 1e-4 ? square : 1e-4);
+            const double facing = -uuv_dot_(from, hit->n) / distance;
+            if (!(facing > 0.0)) continue;
+            const double share = uuv_cone_(lamp, uuv_dot_(from, lamp + 3) / distance);
+            if (!(share > 0.0)) continue;
+            on += facing * share / (distance * distance) * uuv_colour_of_(lamp + 6) *
+                  uuv_decay_(v->direct * distance + way);
+        }
+        const double *rho = hit->kind == UUV_HIT_SEABED ? cam->seabed : cam->solid + 3 * (hit->kind - UUV_HIT_SOLID);
+        double shade = 1.0;
+        if (v->contrast > 0.0)
+            shade += v->contrast * uuv_texture_(cam, p, *z / (v->focal * (into > 0.1 ? into : 0.1)));
+        light = (0x1.45f306dc9c883p-2 * shade) * uuv_colour_of_(rho) * on;
+    }
+    if (*z > 0.0) {
+        light += v->veil * (1.0 - uuv_decay_(v->back * *z));
+        for (int n = 0; n < cam->lamps; n++)
+            light += v->scatter * uuv_lamp_veil_(cam, v->lamps + UUV_CAMERA_LAMP * n, o, d, *z, v->direct, v->g);
+    }
+    return light;
+}
+
+/* The same, with the sky and the mirror image that the flat surface of the water shows from below. The radiance
+ * of a uniform sky whose light in water is E0 rises by n^2 there: n^2 (1 - F) E0 / (pi T). */
+static inline uuv_colour_ uuv_seen_up_(const uuv_view_ *v, const double o[3], const double d[3], uuv_hit *hit,
+                                       double *z) {
+    uuv_colour_ light = uuv_seen_(v, o, d, hit, z);
+    if (hit->kind != UUV_HIT_SURFACE || !(d[2] < 0.0)) return light;
+    const double mirror = uuv_reflected_(-d[2]);
+    const double sky = UUV_CAMERA_WATER * UUV_CAMERA_WATER * (1.0 - mirror) / (0x1.921fb54442d18p1 * UUV_CAMERA_ENTERS);
+    const double from[3] = {o[0] + *z * d[0], o[1] + *z * d[1], UUV_CAMERA_NEAR}, back[3] = {d[0], d[1], -d[2]};
+    uuv_hit other;
+    double far;
+    return light + uuv_decay_(v->direct * *z) * (sky * v->sun + mirror * uuv_seen_(v, from, back, &other, &far));
+}
+
+/* b = the vector a, turned by the vector w of a small angle: exact to its fourth power, and a rotation. */
+static inline void uuv_turned_(const double w[3], const double a[3], double b[3]) {
+    const double half = 0.5 + uuv_dot_(w, w) / 24.0, u[3] = {half * w[0], half * w[1], half * w[2]};
+    const double per = 2.0 / (1.0 + uuv_dot_(u, u));
+    const double c[3] = {u[1] * a[2] - u[2] * a[1], u[2] * a[0] - u[0] * a[2], u[0] * a[1] - u[1] * a[0]};
+    b[0] = a[0] + per * (c[0] + (u[1] * c[2] - u[2] * c[1]));
+    b[1] = a[1] + per * (c[1] + (u[2] * c[0] - u[0] * c[2]));
+    b[2] = a[2] + per * (c[2] + (u[0] * c[1] - u[1] * c[0]));
+}
+
 /* x: origin (3), rotation from camera axes row by row (9), focal length, k1, k2 [pixels, 1, 1], beta_D (3),
  * beta_B (3), K (3), light of the sun at the surface (3), V (3), b of lamps (3), g, contrast of the texture,
- * sensitivity, read noise, gain (grey levels an electron), noise on, two draws; the
- * lamps: place (3), axis (3), intensity (3), cosines of the inner and the outer half angle; the moving.
- * seen: [rows][columns][3] grey levels 0 ... 255; radiance, depth, label: the same, or [rows][columns], unless 0. */
+ * sensitivity, read noise, gain (grey levels an electron), noise on, two draws; refractive index of the water
+ * over that in front of the lens (1: no port), distance of the port, time of a row (0: all at once), velocity
+ * (3) and angular velocity (3) of the camera in `n`; the lamps: place (3), axis (3), intensity (3), cosines of
+ * the inner and the outer half angle; the moving.
+ * The last row is exposed at the pose of x, the others before it. seen: [rows][columns][3] grey levels 0 ... 255;
+ * radiance, normal (in camera axes), depth, label: the same, or [rows][columns], unless 0. */
 static inline void uuv_camera_image(const uuv_scene *scene, const uuv_camera *cam, const double *x, float *seen,
-                                    double *radiance, float *depth, uint16_t *label, double *summary) {
+                                    double *radiance, float *depth, uint16_t *label, float *normal, double *summary) {
     uuv_solid moving[UUV_MOVERS];
-    const double *R = x + 3, *lamps = x + UUV_CAMERA_HEAD;
+    const double *lamps = x + UUV_CAMERA_HEAD;
     const int there = uuv_movers_(lamps + UUV_CAMERA_LAMP * cam->lamps, cam->n_moving, moving);
-    const double f = x[12], k1 = x[13], k2 = x[14];
-    const uuv_colour_ direct = uuv_colour_of_(x + 15), back = uuv_colour_of_(x + 18), down = uuv_colour_of_(x + 21);
-    const uuv_colour_ sun = uuv_colour_of_(x + 24), scatter = uuv_colour_of_(x + 30);
-    const uuv_colour_ veil = uuv_colour_of_(x + 27) * sun * uuv_decay_(down * (x[2] > 0.0 ? x[2] : 0.0));
-    const double g = x[33], contrast = x[34], sensitivity = x[35], read = x[36], gain = x[37];
+    const double f = x[12], k1 = x[13], k2 = x[14], per_index = 1.0 / x[41], port = x[42];
+    uuv_view_ v = {scene, cam, moving, there, f, x[33], x[34], uuv_colour_of_(x + 15), uuv_colour_of_(x + 18),
+                   uuv_colour_of_(x + 21), uuv_colour_of_(x + 24), {0.0}, uuv_colour_of_(x + 30), {0.0}};
+    const double sensitivity = x[35], read = x[36], gain = x[37];
     union {
         float x[2];
         uint64_t bits;
     } key = {{(float)x[39], (float)x[40]}};
     const uint64_t draw = uuv_mix_(key.bits);
-    double total = 0.0, full = 0.0, met = 0.0;
-    for (int i = 0; i < cam->rows; i++)
+    double total = 0.0, full = 0.0, met = 0.0, R[9], from[3];
+    for (int i = 0; i < cam->rows; i++) {
+        if (i == 0 || x[43] != 0.0) {
+            const double dt = (i - (cam->rows - 1)) * x[43], w[3] = {x[47] * dt, x[48] * dt, x[49] * dt};
+            for (int k = 0; k < 3; k++) from[k] = x[k] + x[44 + k] * dt;
+            for (int k = 0; k < 3; k++) { /* columns of the rotation */
+                const double a[3] = {x[3 + k], x[6 + k], x[9 + k]};
+                double b[3];
+                uuv_turned_(w, a, b);
+                for (int r = 0; r < 3; r++) R[3 * r + k] = b[r];
+            }
+            for (int n = 0; n < cam->lamps; n++) {
+                const double *lamp = lamps + UUV_CAMERA_LAMP * n;
+                double *own = v.lamps + UUV_CAMERA_LAMP * n;
+                const double a[3] = {lamp[0] - x[0], lamp[1] - x[1], lamp[2] - x[2]};
+                uuv_turned_(w, a, own);
+                for (int k = 0; k < 3; k++) own[k] += from[k];
+                uuv_turned_(w, lamp + 3, own + 3);
+                for (int k = 6; k < UUV_CAMERA_LAMP; k++) own[k] = lamp[k];
+            }
+            v.veil = uuv_colour_of_(x + 27) * v.sun * uuv_decay_(v.down * (from[2] > 0.0 ? from[2] : 0.0));
+        }
         for (int j = 0; j < cam->columns; j++) {
             const int64_t pixel = (int64_t)i * cam->columns + j;
             double a[3] = {(j + 0.5 - 0.5 * cam->columns) / f, (i + 0.5 - 0.5 * cam->rows) / f, 1.0};
@@ -242,45 +354,24 @@ static inline void uuv_camera_image(const uuv_scene *scene, const uuv_camera *ca
                 a[0] *= scale;
                 a[1] *= scale;
             }
-            const double size = uuv_root_(uuv_dot_(a, a)), axial = 1.0 / size;
-            for (int k = 0; k < 3; k++) a[k] *= axial;
+            double o[3] = {from[0], from[1], from[2]};
+            for (int k = 0; k < 3 && port > 0.0; k++) o[k] += port * uuv_dot_(R + 3 * k, a);
+            const double per = 1.0 / uuv_root_(uuv_dot_(a, a));
+            double axial = per;
+            a[0] *= per * per_index;
+            a[1] *= per * per_index;
+            if (per_index != 1.0) axial = uuv_root_(1.0 - (a[0] * a[0] + a[1] * a[1])); /* Snell's law */
+            a[2] = axial;
             const double d[3] = {uuv_dot_(R, a), uuv_dot_(R + 3, a), uuv_dot_(R + 6, a)};
             uuv_hit hit = {0.0, {0.0, 0.0, 0.0}, UUV_HIT_NONE};
-            const int wet = x[2] >= 0.0;
-            if (wet) uuv_cast(scene, moving, there, x, d, cam->farthest, &hit);
-            const double into = -uuv_dot_(hit.n, d);
-            const int surface = (hit.kind == UUV_HIT_SEABED || hit.kind >= UUV_HIT_SOLID) && into > 0.0;
-            const double z = surface ? hit.t : hit.kind == UUV_HIT_BELOW ? 0.0 : cam->farthest;
+            double z = 0.0;
             uuv_colour_ light = uuv_grey_(0.0);
-            if (surface) {
-                double p[3];
-                for (int k = 0; k < 3; k++) p[k] = x[k] + z * d[k];
-                const double under = p[2] > 0.0 ? p[2] : 0.0;
-                const uuv_colour_ way = direct * z; /* of the light from here to the camera */
-                uuv_colour_ on = sun * (0.5 * (1.0 - hit.n[2])) * uuv_decay_(down * under + way);
-                for (int n = 0; n < cam->lamps; n++) {
-                    const double *lamp = lamps + UUV_CAMERA_LAMP * n;
-                    const double from[3] = {p[0] - lamp[0], p[1] - lamp[1], p[2] - lamp[2]};
-                    const double square = uuv_dot_(from, from), distance = uuv_root_(square > 1e-4 ? square : 1e-4);
-                    const double facing = -uuv_dot_(from, hit.n) / distance;
-                    if (!(facing > 0.0)) continue;
-                    const double share = uuv_cone_(lamp, uuv_dot_(from, lamp + 3) / distance);
-                    if (!(share > 0.0)) continue;
-                    on += facing * share / (distance * distance) * uuv_colour_of_(lamp + 6) *
-                          uuv_decay_(direct * distance + way);
-                }
-                const double *rho = hit.kind == UUV_HIT_SEABED ? cam->seabed
-                                                                : cam->solid + 3 * (hit.kind - UUV_HIT_SOLID);
-                double shade = 1.0;
-                if (contrast > 0.0) shade += contrast * uuv_texture_(cam, p, z / (f * (into > 0.1 ? into : 0.1)));
-                light = (0x1.45f306dc9c883p-2 * shade) * uuv_colour_of_(rho) * on;
-                met += 1.0;
+            if (o[2] >= 0.0) {
+                if (o[2] < UUV_CAMERA_NEAR) o[2] = UUV_CAMERA_NEAR;
+                light = uuv_seen_up_(&v, o, d, &hit, &z);
             }
-            if (wet && z > 0.0) {
-                light += veil * (1.0 - uuv_decay_(back * z));
-                for (int n = 0; n < cam->lamps; n++)
-                    light += scatter * uuv_lamp_veil_(cam, lamps + UUV_CAMERA_LAMP * n, x, d, z, direct, g);
-            }
+            const int surface = hit.kind == UUV_HIT_SEABED || hit.kind >= UUV_HIT_SOLID;
+            met += surface;
             uuv_colour_ electrons = light * sensitivity;
             if (x[38] > 0.0)
                 electrons = uuv_electrons_(cam, electrons, read, draw + (uint64_t)(3 * pixel) * 0x9e3779b97f4a7c15u);
@@ -289,13 +380,17 @@ static inline void uuv_camera_image(const uuv_scene *scene, const uuv_camera *ca
                 const double level = grey < 255.0 ? (grey > 0.0 ? (double)(int)(grey + 0.5) : 0.0) : 255.0;
                 seen[3 * pixel + c] = (float)level;
                 if (radiance) radiance[3 * pixel + c] = light[c];
+                if (normal)
+                    normal[3 * pixel + c] =
+                        surface ? (float)(R[c] * hit.n[0] + R[3 + c] * hit.n[1] + R[6 + c] * hit.n[2]) : 0.0f;
                 total += level;
                 full += level >= 255.0;
             }
-            if (depth) depth[pixel] = surface ? (float)(z * axial) : 0.0f;
+            if (depth) depth[pixel] = surface ? (float)(port + z * axial) : 0.0f;
             if (label)
                 label[pixel] = (uint16_t)(!surface ? 0 : hit.kind == UUV_HIT_SEABED ? 1 : hit.kind - UUV_HIT_SOLID + 2);
         }
+    }
     summary[0] = total / (3.0 * cam->rows * cam->columns);
     summary[1] = full / (3.0 * cam->rows * cam->columns);
     summary[2] = met;

@@ -57,9 +57,13 @@ def image(scene: str, options: dict[str, Any] | None = None, **values: Any) -> d
 @pytest.mark.parametrize("noise", [True, False])
 @pytest.mark.parametrize("id", PRESETS)
 def test_c_agrees_with_the_model_in_numpy(hills: str, id: str, noise: bool) -> None:
-    options = {"depth": True, "labels": True, "others": 1, "noise": noise, "id": id}
+    options = {
+        "depth": True, "labels": True, "normals": True, "others": 1, "noise": noise, "id": id,
+        "port": noise, "rolling": True,
+    }  # fmt: skip
     model = declare("color_camera", scene=hills, **SIZE | options)
     given: dict[str, Any] = {"eta": ETA, "q": Q, "other_eta_1": [4.0, 0.0, 10.5, 0.1, 0.2, 0.3]}
+    given["nu"] = [1.0, 0.2, -0.1, 0.2, 0.1, 0.4]
     parameters: dict[str, Any] = {"other_size": [[0.4, 0.8]]}
     found = step(Native(model, "s"), 40, **given, **parameters)
     wanted = simulate(model, until=0.4, h=0.01, inputs=given, parameters=parameters)
@@ -78,7 +82,7 @@ def test_c_agrees_with_the_model_in_numpy(hills: str, id: str, noise: bool) -> N
 
 @pytest.mark.parametrize("fmi", [2, 3])
 def test_an_fmu_has_the_bits_of_the_native_component(hills: str, tmp_path: Path, fmi: Any) -> None:
-    model = declare("color_camera", scene=hills, depth=True, labels=True, **SIZE)
+    model = declare("color_camera", scene=hills, depth=True, labels=True, normals=True, **SIZE)
     wanted = step(Native(model, "s"), **GIVEN)
     component = instantiate_here(
         read_fmu(build_fmu(model, fmi=fmi, target=tmp_path / "c.fmu")), "s"
@@ -87,7 +91,7 @@ def test_an_fmu_has_the_bits_of_the_native_component(hills: str, tmp_path: Path,
     component.free()
     for name, value in found.items():
         np.testing.assert_array_equal(value, wanted[name], err_msg=name)
-    left_out = {"image", "depth", "label"} if fmi == 2 else set()
+    left_out = {"image", "depth", "label", "normal"} if fmi == 2 else set()
     assert set(wanted) - set(found) == left_out
 
 

@@ -2,20 +2,28 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 from scipy.integrate import quad
+from scipy.optimize import brentq
+from scipy.spatial.transform import Rotation
 
+from uuvsim_cosim.content import content
 from uuvsim_cosim.errors import InputInvalid
+from uuvsim_cosim.fmus.codegen.processor import processor_flags
+from uuvsim_cosim.fmus.codegen.runtime import runtime
+from uuvsim_cosim.fmus.codegen.toolchain import compile_shared
 from uuvsim_cosim.models.sensors.color_camera import SUN
+from uuvsim_cosim.models.worlds.camera_image import ENTERS
 from uuvsim_cosim.models.worlds.obstacles import Box, Obstacle, Sphere
 from uuvsim_cosim.models.worlds.scene import Scene
 from uuvsim_cosim.models.worlds.terrain import Terrain
 from uuvsim_cosim.models.worlds.water_optics import WATERS, WaterOptics, spectra, water_optics
-from uuvsim_cosim.scene.shared.camera import Camera, Images, Lamp
+from uuvsim_cosim.scene.shared.camera import Camera, Images, Lamp, opened
 
 Array = NDArray[np.float64]
 AHEAD = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])  # looks north, image up
@@ -185,6 +193,136 @@ def test_a_point_is_projected_within_a_hundredth_of_a_pixel(
         assert edge == pytest.approx(f * u * (1 + k1 * u**2 + k2 * u**4), abs=0.01)
 
 
+def test_a_flat_port_bends_rays_by_snells_law() -> None:
+    """Edges of plates, as above; a point is where the ray in air and the one in water lead."""
+    f, fine, n, away = 150.0, 1000, 1.34, 0.05
+    for Y, X in ((0.3, 1.0), (0.9, 1.5), (2.0, 2.5)):
+        wide = Box((X + 0.5, Y - 5.0, D), (0.5, 5.0, 20.0))
+        c = camera(wide, columns=2 * 250 * fine, rows=1, focal_length=f * fine, port=away)
+        met = look(c).label[0, 0] > 0
+        edge = (np.flatnonzero(met).max() + 1 - 250 * fine) / fine
+
+        def beside(u: float, X: float = X, Y: float = Y) -> float:
+            sine = u / np.hypot(1.0, u) / n
+            return float(away * u + (X - away) * sine / np.sqrt(1.0 - sine**2) - Y)
+
+        assert edge == pytest.approx(f * brentq(beside, 0.0, 10.0), abs=0.01)
+
+
+def test_depth_behind_a_port_is_from_the_lens() -> None:
+    seen = look(camera(plate(3.0), port=0.1, focal_length=5.0))
+    np.testing.assert_allclose(seen.depth, 3.0, rtol=1e-6)
+
+
+def test_rows_of_a_rolling_shutter_are_those_of_images_at_their_own_poses() -> None:
+    solids = Sphere((4.0, 0.3, D), 1.0), plate(8.0)
+    size: dict[str, Any] = {"columns": 40, "rows": 30, "focal_length": 40.0}
+    lamp = Lamp((0.2, 0.1, 0.0), (1.0, 1.0, 1.0))
+    v, w, step = np.array([0.5, 1.0, -0.3]), np.array([0.2, -0.3, 0.8]), 0.002
+    rolling = camera(*solids, **size, row_time=step, lamps=[lamp])
+    place = np.array([0.0, 0.0, D])
+    found = rolling.images([place], AHEAD, velocities=[[*v, *w]])
+    still = camera(*solids, **size, lamps=[lamp])
+    for i in range(30):
+        dt = (i - 29) * step
+        R = Rotation.from_rotvec(w * dt).as_matrix() @ AHEAD
+        one = still.images([place + v * dt], R)
+        np.testing.assert_allclose(found.radiance[0, i], one.radiance[0, i], rtol=1e-5)
+        np.testing.assert_allclose(found.depth[0, i], one.depth[0, i], rtol=1e-5)
+    assert np.abs(found.depth - look(still).depth).max() > 1.0
+
+
+def test_a_rolling_shutter_of_a_camera_at_rest_shows_nothing() -> None:
+    solids = Sphere((4.0, 0.3, D), 1.0), plate(8.0)
+    one, other = (look(camera(*solids, row_time=t)).radiance for t in (0.0, 0.01))
+    np.testing.assert_array_equal(one, other)
+
+
+def look_up(depth: float = 3.0, **options: Any) -> tuple[Array, Array]:
+    """Return what is straight above in clear water: angles from the zenith, and radiance."""
+    w = without(water_optics("I"), *({"beta_D", "beta_B", "V", "K", "b"} - options.keys()))
+    options.pop("beta_D", None)
+    c = camera(columns=801, rows=1, focal_length=200.0, water=w, **options)
+    up = np.array([[1.0, 0.0, 0.0], [0.0, -1.0, 0.0], [0.0, 0.0, -1.0]])
+    found = c.images([[0.0, 0.0, depth]], up).radiance[0, 0]
+    return np.arctan(np.abs(np.arange(801) - 400) / 200.0), found
+
+
+def test_the_sky_is_seen_in_a_window_of_48_degrees_around_the_zenith() -> None:
+    angle, light = look_up()
+    np.testing.assert_array_equal(light[:, 1] > 0.0, angle < np.arcsin(1.0 / 1.34))
+    assert np.degrees(np.arcsin(1.0 / 1.34)) == pytest.approx(48.3, abs=0.05)
+
+
+def test_the_sky_at_the_zenith_is_brighter_by_the_square_of_the_index() -> None:
+    _, light = look_up()
+    mirror = (0.34 / 2.34) ** 2
+    wanted = 1.34**2 * (1.0 - mirror) / (np.pi * ENTERS) * np.array(SUN)
+    np.testing.assert_allclose(light[400], wanted, rtol=1e-9)
+
+
+def test_the_light_of_the_window_is_the_daylight_below_the_surface() -> None:
+    angle, light = look_up()
+    half, L = angle[400:], light[400:, 1]
+    E = 2.0 * np.pi * np.trapezoid(L * np.sin(half) * np.cos(half), half)
+    assert pytest.approx(SUN[1], rel=0.003) == E
+
+
+def test_light_from_the_surface_is_attenuated_on_its_way() -> None:
+    near, far = (look_up(d, beta_D=True)[1][400] for d in (1.0, 4.0))
+    np.testing.assert_allclose(np.log(near / far) / 3.0, water_optics("I").beta_D, rtol=1e-9)
+
+
+def test_beyond_the_window_the_surface_mirrors_the_seabed() -> None:
+    w = without(water_optics("I"), "beta_D", "beta_B", "V", "K", "b")
+    c = camera(bed=True, water=w, columns=60, rows=5, focal_length=300.0, seabed=(GREY,) * 3)
+    up = np.deg2rad(25.0)  # looks north, 65 degrees from the zenith
+    tilt = [[0.0, np.sin(up), np.cos(up)], [1.0, 0.0, 0.0], [0.0, np.cos(up), -np.sin(up)]]
+    found = c.images([[0.0, 0.0, 4.0]], tilt).radiance[0]
+    np.testing.assert_allclose(found, np.broadcast_to(GREY / np.pi * np.array(SUN), found.shape))
+
+
+def test_normals_are_unit_vectors_in_the_axes_of_the_camera() -> None:
+    c = camera(Sphere((5.0, 0.0, D), 1.0), columns=201, rows=3, focal_length=150.0)
+    seen = look(c)
+    np.testing.assert_allclose(seen.normal[0, 1, 100], [0.0, 0.0, -1.0], atol=1e-6)
+    met = seen.label[0] > 0
+    np.testing.assert_allclose(np.linalg.norm(seen.normal[0][met], axis=-1), 1.0, rtol=1e-6)
+    u = (np.arange(201) - 100) / 150.0
+    z = seen.depth[0, 1].astype(float)
+    point = np.stack([u * z, 0.0 * z, z - 5.0], axis=-1)[met[1]]
+    np.testing.assert_allclose(seen.normal[0, 1][met[1]], point, atol=1e-5)
+    assert not seen.normal[0][~met].any()
+
+
+def test_the_disparity_of_two_cameras_is_focal_length_times_base_over_depth() -> None:
+    """Edges of plates that two cameras of a rig see, within 0.01 pixel."""
+    f, fine, base = 200.0, 1000, 0.12
+    c = [camera(Box((z + 0.5, 0.2 - 5.0, D), (0.5, 5.0, 20.0)), columns=200 * fine, rows=1,
+                focal_length=f * fine) for z in (1.0, 2.5, 7.0)]  # fmt: skip
+    for each, z in zip(c, (1.0, 2.5, 7.0), strict=True):
+        left, right = (
+            np.flatnonzero(look(each, (0.0, y, D)).label[0, 0]).max() / fine for y in (0.0, base)
+        )
+        assert left - right == pytest.approx(f * base / z, abs=0.01)
+
+
+def test_every_option_of_the_compiler_gives_the_same_bits(tmp_path: Path) -> None:
+    solids = Sphere((4.0, 0.3, D), 1.0), plate(8.0)
+    c = camera(
+        *solids, bed=True, columns=40, rows=30, focal_length=30.0, contrast=0.5, noise=True,
+        port=0.05, row_time=0.001, lamps=[Lamp((0.2, 0.1, 0.0), (1.0, 1.0, 1.0))],
+    )  # fmt: skip
+    source = content("fmus", "kernels") / "camera_batch.c"
+    seen = []
+    for flags in ((), ("-O0",), ("-O3", *processor_flags(False))):
+        c._c = opened(compile_shared([source], name="c", include=runtime(), flags=flags))
+        seen.append(c.images([[0.0, 0.0, D]], AHEAD, velocities=[0.1] * 6))
+    for other in seen[1:]:
+        for name, values in vars(seen[0]).items():
+            np.testing.assert_array_equal(values, getattr(other, name))
+
+
 def test_depth_is_along_the_view_and_labels_name_what_is_met() -> None:
     c = camera(Sphere((5.0, 0.0, D), 1.0), plate(8.0), columns=201, rows=3, focal_length=150.0)
     seen = look(c)
@@ -247,6 +385,9 @@ def test_wrong_numbers_are_refused_by_one_message() -> None:
     for options, words in (
         ({"focal_length": 0.0}, "focal length 0 pixels; expected more than 0"),
         ({"columns": 0}, "0 x 7 pixels"),
+        ({"port": -0.1}, "port at -0.1 m"),
+        ({"row_time": np.nan}, "row_time = nan s"),
+        ({"lamps": [Lamp((0.0,) * 3, (1.0,) * 3)] * 17}, "17 lamps; expected 16 at most"),
         ({"water": "IV"}, "water: 'IV'"),
         ({"solids": np.zeros((3, 3))}, "3 reflectances"),
     ):
@@ -255,5 +396,5 @@ def test_wrong_numbers_are_refused_by_one_message() -> None:
 
 
 def test_images_that_are_larger_than_memory_are_refused() -> None:
-    with pytest.raises(InputInvalid, match=r"fit into memory; these need 3[\d,]* GiB"):
+    with pytest.raises(InputInvalid, match=r"fit into memory; these need 4[\d,]* GiB"):
         look(camera(columns=10_000_000, rows=10_000_000))

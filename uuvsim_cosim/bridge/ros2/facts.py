@@ -7,6 +7,9 @@ Numeric parameters have their own names. Names that begin with @ are found other
 @scale         (n,) by which a reading times a direction is the point: of a depth, 1 / d_z
 @grid          rows and columns of an image
 @depth         1: the image has depths along the optical axis
+@seen          1: the image has depths along the optical axis, or colours
+@pixels        1: the image has red, green and blue of each pixel
+@lens          focal length [pixels], k1 and k2 of a colour camera without a port
 @fan           angle of the first beam and from beam to beam [rad], about -x of `s`
 @bearings      (beams,) of a sonar's beams [rad], from its x axis towards y
 @beams         (beams, 3) unit vectors of a sonar's beams, in its axes `s`
@@ -85,6 +88,8 @@ def _rays(c: PlannedComponent) -> dict[str, Array]:
         beams = [np.sin(t) * np.cos(a), np.sin(t) * np.sin(a), np.cos(t) * np.ones(a.shape)]
         return {"@directions": np.stack(beams, axis=-1), "@scale": np.ones(a.shape)}
     name, options = _options(c)
+    if name == "color_camera":
+        return _colours(_parameters(c), options)
     if (axes := sonar_axes(c.source)) is not None:
         along = axes.beams[:1] if axes.scans else axes.beams
         found: dict[str, Array] = {
@@ -104,8 +109,18 @@ def _rays(c: PlannedComponent) -> dict[str, Array]:
     columns = int(options.get("columns", 16))
     grid = {"@directions": d, "@grid": np.array([len(d) // columns, columns])}
     if options.get("reading", "depth") == "depth":
-        return {**grid, "@scale": 1 / d[:, 2], "@depth": np.ones(1)}
+        depth = {"@depth": np.ones(1), "@seen": np.ones(1), "@lens": np.ones(1)}
+        return {**grid, **depth, "@scale": 1 / d[:, 2]}
     return {**grid, "@scale": np.ones(len(d))}
+
+
+def _colours(values: Mapping[str, Array], options: Mapping[str, str]) -> dict[str, Array]:
+    """Return the facts of a colour camera; CameraInfo cannot describe a flat port."""
+    size = np.array([int(options.get("rows", 24)), int(options.get("columns", 32))])
+    found = {"@grid": size, "@pixels": np.ones(1), "@seen": np.ones(1)}
+    if "port_distance" not in values:
+        found["@lens"] = np.append(values["focal_length"], values["distortion"])
+    return found
 
 
 def _is_receiver(c: PlannedComponent) -> bool:

@@ -37,7 +37,7 @@ _OWN = (1.0, 0.0, 0.0, 0.0)  # z along the view
 _AHEAD = (_HALF, 0.0, _HALF, 0.0)  # z ahead, x up, y to starboard
 _AXES = (
     ("@bearings", "sonar", _AHEAD),
-    ("@depth", "optical", _OWN),
+    ("@seen", "optical", _OWN),
     ("tilt", "sonar", _OWN),
     ("@fan", "sonar", _OWN),
     ("@fan", "scan", (_HALF, 0.0, -_HALF, 0.0)),  # x along the view, y as its own
@@ -173,7 +173,7 @@ def _parts(c: PlannedComponent, p: Mapping[str, Array], prefix: str, plan: Plan)
         q = euler_quaternion(p.get("Theta_s", np.zeros(3)).reshape(1, 3))
         link = f"{prefix}{name}_link"
         yield Part(link, base, _flu(p["r_s"]), tuple(body_quaternion(q)[0].tolist()), "sensor")
-        for fact, word, axes in _AXES if "@directions" in p else ():
+        for fact, word, axes in _AXES if p.keys() & {"@directions", "@pixels"} else ():
             if fact in p:
                 yield Part(f"{prefix}{name}_{word}", link, (0.0,) * 3, axes, "axes")
     r = p.get("r", np.zeros(0))

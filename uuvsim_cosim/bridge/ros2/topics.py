@@ -133,7 +133,9 @@ _RULES = (
 
 _FACTS = {
     "@directions": "the directions of the beams", "@scale": "the directions of the beams",
-    "@fan": "beams in one plane", "@grid": "rows and columns", "@depth": "depths, not ranges",
+    "@fan": "beams in one plane", "@grid": "rows and columns",
+    "@seen": "depths, not ranges, or colours",
+    "@lens": "a lens without a flat port",
     "@place": "the place of the local frame on Earth",
     "@bearings": "the bearings of a sonar's beams", "@beams": "the directions of a sonar's beams",
     "@ranges": "the ranges of a sonar's bins",

@@ -49,14 +49,17 @@ def camera_text(n: CameraImage) -> Iterator[str]:
     rooms = [(3 * n.pixels, "seen", "float")]
     rooms += [(n.pixels, "depth", "float")] if n.depth else []
     rooms += [(n.pixels, "label", "uint16_t")] if n.labels else []
+    rooms += [(3 * n.pixels, "normal", "float")] if n.normals else []
     yield f"static void {n.name}(const V *x, V *y) {{\n"
     for size, room, kind in rooms:
         yield f"    static _Thread_local {kind} {room}[{size}];\n"
     yield f"    double in[{n.n_in}], summary[3];\n"
     yield "    for (int lane = 0; lane < UUV_W; lane++) {\n"
     yield f"        for (int i = 0; i < {n.n_in}; i++) in[i] = uuv_lane(x[i], lane);\n"
-    planes = f"seen, 0, {'depth' if n.depth else '0'}, {'label' if n.labels else '0'}, summary"
-    yield f"        uuv_camera_image(&{n.ground.name}, &{n.name}_camera, in, {planes});\n"
+    given = {name for _, name, _ in rooms}
+    planes = ", ".join(name if name in given else "0" for name in ("depth", "label", "normal"))
+    yield f"        uuv_camera_image(&{n.ground.name}, &{n.name}_camera, in, "
+    yield f"seen, 0, {planes}, summary);\n"
     first = 0
     for size, room in [(3 * n.pixels, "seen"), (3, "summary"), *((r[0], r[1]) for r in rooms[1:])]:
         yield f"        for (int i = 0; i < {size}; i++) "

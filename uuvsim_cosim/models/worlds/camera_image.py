@@ -21,11 +21,24 @@ from uuvsim_cosim.models.worlds.ground import Ground
 from uuvsim_cosim.models.worlds.ray_reference import first_hit
 from uuvsim_cosim.models.worlds.rays import MOVING, moving_solids
 
-__all__ = ["CAMERA_HEAD", "CAMERA_LAMP", "NORMALS", "POINTS", "CameraImage", "camera_image"]
+__all__ = [
+    "CAMERA_HEAD",
+    "CAMERA_LAMP",
+    "LAMPS",
+    "NORMALS",
+    "POINTS",
+    "WATER_INDEX",
+    "CameraImage",
+    "camera_image",
+]
 
 Array = NDArray[np.float64]
-CAMERA_HEAD = 41  # UUV_CAMERA_HEAD
+CAMERA_HEAD = 50  # UUV_CAMERA_HEAD
 CAMERA_LAMP = 11  # UUV_CAMERA_LAMP
+LAMPS = 16  # UUV_CAMERA_LAMPS
+WATER_INDEX = 1.34  # UUV_CAMERA_WATER: refractive index of sea water over that of air
+ENTERS = 0.93248938778672  # UUV_CAMERA_ENTERS: share of a uniform sky's light that enters the water
+NEAR = 1e-9  # UUV_CAMERA_NEAR
 OCTAVES = 4  # UUV_CAMERA_OCTAVES
 TABLE = 4096  # UUV_SONAR_TABLE
 WORD = 2**64
@@ -38,8 +51,9 @@ NORMALS = np.round(_QUANTILES / _QUANTILES.std(), 6).astype(np.float32)
 class CameraImage:
     """Grey levels [row][column][channel], their mean, share of the brightest, pixels with a hit.
 
-    Depths and labels [row][column] follow, where they are asked for. The reflectance of a
-    surface is that of `seabed` (3,), or of `solids` (n, 3): solids, meshes and movers.
+    Depths and labels [row][column] and normals [row][column][axis] follow, where they are asked
+    for. The reflectance of a surface is that of `seabed` (3,), or of `solids` (n, 3): solids,
+    meshes and movers.
     """
 
     name: str
@@ -55,6 +69,7 @@ class CameraImage:
     solids: Array
     depth: bool
     labels: bool
+    normals: bool
 
     @property
     def n_in(self) -> int:
@@ -69,20 +84,21 @@ class CameraImage:
     @property
     def n_out(self) -> int:
         """Return the number of values."""
-        return (3 + self.depth + self.labels) * self.pixels + 3
+        return (3 + self.depth + self.labels + 3 * self.normals) * self.pixels + 3
 
     def __call__(self, x: Array) -> Array:
         """Return the values (n_out,)."""
-        light, depth, label = self.radiance(x)
+        light, depth, label, normal = self.radiance(x)
         levels = self.levels(x, light)
         summary = np.array([levels.mean(), (levels >= 255.0).mean(), np.count_nonzero(label)])
         planes = [levels.ravel(), summary]
         planes += [depth.ravel()] if self.depth else []
         planes += [label.ravel()] if self.labels else []
+        planes += [normal.ravel()] if self.normals else []
         return np.concatenate(planes)
 
     def directions(self, x: Array) -> Array:
-        """Return the unit vectors (rows, columns, 3) of the pixels in camera axes."""
+        """Return the unit vectors (rows, columns, 3) of the pixels before the lens, camera axes."""
         f, k1, k2 = x[12:15]
         u = (np.arange(self.columns) + 0.5 - self.columns / 2) / f
         v = (np.arange(self.rows) + 0.5 - self.rows / 2) / f
@@ -97,42 +113,27 @@ class CameraImage:
         rays = np.concatenate([plane * scale[..., None], np.ones((*r.shape, 1))], axis=-1)
         return np.asarray(rays / np.linalg.norm(rays, axis=-1, keepdims=True))
 
-    def radiance(self, x: Array) -> tuple[Array, Array, Array]:
-        """Return the radiance (rows, columns, 3), and depths and labels (rows, columns)."""
-        o, R, f = x[:3], x[3:12].reshape(3, 3), x[12]
-        beta_D, beta_B, K, sun, V, b = x[15:33].reshape(6, 3)
-        end = CAMERA_HEAD + CAMERA_LAMP * self.lamps
-        lamps, solids = x[CAMERA_HEAD:end].reshape(-1, CAMERA_LAMP), moving_solids(x[end:])
+    def radiance(self, x: Array) -> tuple[Array, Array, Array, Array]:
+        """Return radiance (rows, columns, 3), depths and labels (rows, columns), and normals."""
+        index, port, row_time = x[41:44]
         light = np.zeros((self.rows, self.columns, 3))
         depth, label = np.zeros(light.shape[:2]), np.zeros(light.shape[:2])
-        if not o[2] >= 0.0:
-            return light, depth, label
-        veil = V * sun * np.exp(-K * o[2])
-        for (i, j), a in np.ndenumerate(np.empty(light.shape[:2])):
-            a = self.directions_of(x)[i, j]
-            d = R @ a
-            kind, (t, n) = first_hit(self.ground, solids, o, d, self.farthest)
-            into = float(-n @ d)
-            met = (kind == 1 or kind >= 4) and into > 0.0
-            z = t if met else 0.0 if kind == 2 else self.farthest
-            if met:
-                p = o + z * d
-                E = sun * 0.5 * (1.0 - n[2]) * np.exp(-K * max(p[2], 0.0))
-                for lamp in lamps:
-                    away = p - lamp[:3]
-                    far = max(float(np.linalg.norm(away)), 0.01)
-                    cosine = float(away @ lamp[3:6]) / far
-                    facing = max(0.0, float(-away @ n) / far) * _cone(lamp, cosine)
-                    E = E + lamp[6:9] * facing / far**2 * np.exp(-beta_D * far)
-                rho = self.seabed if kind == 1 else self.solids[kind - 4]
-                shade = 1.0 + x[34] * self._texture(p, z / (f * max(into, 0.1)))
-                light[i, j] = rho / np.pi * shade * E * np.exp(-beta_D * z)
-                depth[i, j], label[i, j] = z * a[2], 1 if kind == 1 else kind - 2
-            if z > 0.0:
-                light[i, j] += veil * (1.0 - np.exp(-beta_B * z))
-                for lamp in lamps:
-                    light[i, j] += b * _lamp_veil(lamp, o, d, z, beta_D, x[33])
-        return light, depth, label
+        normal = np.zeros_like(light)
+        for i, row in enumerate(self.directions_of(x)):
+            dt = (i - (self.rows - 1)) * row_time
+            view = _View(self, x, dt)
+            for j, a in enumerate(row):
+                o = view.o + port * view.R @ (a / a[2])
+                if not o[2] >= 0.0:
+                    continue
+                o[2] = max(o[2], NEAR)
+                across = a[:2] / index
+                ray = np.array([*across, np.sqrt(1.0 - across @ across)])
+                light[i, j], kind, z, n = view.up(o, view.R @ ray)
+                if kind == 1 or kind >= 4:
+                    depth[i, j], label[i, j] = port + z * ray[2], 1 if kind == 1 else kind - 2
+                    normal[i, j] = view.R.T @ n
+        return light, depth, label, normal
 
     def levels(self, x: Array, light: Array) -> Array:
         """Return the grey levels of radiances (rows, columns, 3)."""
@@ -154,7 +155,8 @@ class CameraImage:
             _LAST.update(key=(self.name, key), rays=self.directions(x))
         return np.asarray(_LAST["rays"])
 
-    def _texture(self, p: Array, footprint: float) -> float:
+    def texture(self, p: Array, footprint: float) -> float:
+        """Return the texture at p from -1 to 1, without waves that are shorter than a pixel."""
         total, size, weight = 0.0, self.texture_size, 0.5
         for n in range(OCTAVES):
             share = min(1.0, size / footprint - 1.0)
@@ -163,6 +165,74 @@ class CameraImage:
             total += weight * share * _noise((self.texture_seed + n) % WORD, p / size)
             size, weight = 0.5 * size, 0.5 * weight
         return total
+
+
+class _View:
+    """What all rays of a row share, which is exposed `dt` after the pose of the arguments."""
+
+    def __init__(self, made: CameraImage, x: Array, dt: float) -> None:
+        self.made = made
+        self.beta_D, self.beta_B, self.K, self.sun, V, self.b = x[15:33].reshape(6, 3)
+        self.focal, self.g, self.contrast = x[12], x[33], x[34]
+        end = CAMERA_HEAD + CAMERA_LAMP * made.lamps
+        self.solids = moving_solids(x[end:])
+        half = 0.5 * dt * x[47:50]
+        half = half * (1.0 + half @ half / 3.0)  # tan(a) = a + a³ / 3 …
+        skew = np.cross(np.eye(3), half)
+        Q = np.linalg.solve(np.eye(3) - skew, np.eye(3) + skew)  # Cayley's rotation
+        self.o, self.R = x[:3] + dt * x[44:47], Q @ x[3:12].reshape(3, 3)
+        self.lamps = x[CAMERA_HEAD:end].reshape(-1, CAMERA_LAMP).copy()
+        for lamp in self.lamps:
+            lamp[:3], lamp[3:6] = self.o + Q @ (lamp[:3] - x[:3]), Q @ lamp[3:6]
+        self.veil = V * self.sun * np.exp(-self.K * max(self.o[2], 0.0))
+
+    def ray(self, o: Array, d: Array) -> tuple[Array, int, float, Array]:
+        """Return the radiance, the kind of surface that a ray meets, the way and the normal."""
+        made, light = self.made, np.zeros(3)
+        kind, (t, n) = first_hit(made.ground, self.solids, o, d, made.farthest)
+        into = float(-n @ d)
+        if (kind == 1 or kind >= 4) and not into > 0.0:
+            kind = 0
+        z = {0: made.farthest, 2: 0.0}.get(kind, t)
+        if kind == 1 or kind >= 4:
+            p = o + z * d
+            E = self.sun * 0.5 * (1.0 - n[2]) * np.exp(-self.K * max(p[2], 0.0))
+            for lamp in self.lamps:
+                away = p - lamp[:3]
+                far = max(float(np.linalg.norm(away)), 0.01)
+                cosine = float(away @ lamp[3:6]) / far
+                facing = max(0.0, float(-away @ n) / far) * _cone(lamp, cosine)
+                E = E + lamp[6:9] * facing / far**2 * np.exp(-self.beta_D * far)
+            rho = made.seabed if kind == 1 else made.solids[kind - 4]
+            shade = 1.0 + self.contrast * made.texture(p, z / (self.focal * max(into, 0.1)))
+            light = rho / np.pi * shade * E * np.exp(-self.beta_D * z)
+        if z > 0.0:
+            light = light + self.veil * (1.0 - np.exp(-self.beta_B * z))
+            for lamp in self.lamps:
+                light += self.b * _lamp_veil(lamp, o, d, z, self.beta_D, self.g)
+        return light, kind, z, n
+
+    def up(self, o: Array, d: Array) -> tuple[Array, int, float, Array]:
+        """Return the same as `ray`, with what the surface of the water shows from below."""
+        light, kind, z, n = self.ray(o, d)
+        if kind == 3 and d[2] < 0.0:
+            mirror = reflected(-d[2])
+            sky = WATER_INDEX**2 * (1.0 - mirror) / (np.pi * ENTERS)
+            p = np.array([*(o + z * d)[:2], NEAR])
+            other = self.ray(p, np.array([*d[:2], -d[2]]))[0]
+            light = light + np.exp(-self.beta_D * z) * (sky * self.sun + mirror * other)
+        return light, kind, z, n
+
+
+def reflected(c: float) -> float:
+    """Return the share that flat water reflects of a ray from below at the cosine c (Fresnel)."""
+    sine = WATER_INDEX**2 * (1.0 - c * c)
+    if sine >= 1.0:
+        return 1.0
+    out = np.sqrt(1.0 - sine)
+    across = (WATER_INDEX * c - out) / (WATER_INDEX * c + out)
+    within = (c - WATER_INDEX * out) / (c + WATER_INDEX * out)
+    return float(0.5 * (across**2 + within**2))
 
 
 _LAST: dict[str, object] = {}

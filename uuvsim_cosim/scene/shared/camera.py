@@ -19,7 +19,13 @@ from uuvsim_cosim.fmus.codegen.processor import processor_flags
 from uuvsim_cosim.fmus.codegen.runtime import runtime
 from uuvsim_cosim.fmus.codegen.toolchain import compile_shared
 from uuvsim_cosim.models.sensors.color_camera import REFLECTANCE, SUN, TEXTURE_SIZE
-from uuvsim_cosim.models.worlds.camera_image import CAMERA_HEAD, CAMERA_LAMP, CameraImage
+from uuvsim_cosim.models.worlds.camera_image import (
+    CAMERA_HEAD,
+    CAMERA_LAMP,
+    LAMPS,
+    WATER_INDEX,
+    CameraImage,
+)
 from uuvsim_cosim.models.worlds.scene import Scene
 from uuvsim_cosim.models.worlds.terrain import Terrain
 from uuvsim_cosim.models.worlds.water_optics import WaterOptics, water_optics
@@ -49,6 +55,7 @@ class Images:
     radiance: Array  # W/(m2 sr), without noise
     depth: NDArray[np.float32]  # m, along the view; 0: nothing
     label: NDArray[np.uint16]  # 0: nothing, 1: seabed, 2 + i: solid or mesh i
+    normal: NDArray[np.float32]  # of the surface, in the camera's axes; 0: nothing
 
 
 @final
@@ -57,6 +64,9 @@ class Camera:
 
     `scene` is a scene, a terrain alone, or the value of the option `scene` of a component.
     `focal_length` is in pixels, `distortion` k1 and k2, `water` a type of Jerlov or coefficients.
+    A flat port at the distance `port` [m] before the lens refracts; its focal length is in air.
+    Without one, it is in water. Row i of m is exposed (m - 1 - i) `row_time` seconds before the
+    pose.
     A pixel collects `sensitivity` electrons per W/(m2 sr); `gain` is in grey levels an electron.
     Reflectances are of red, green and blue, `solids` (n, 3) of each solid and mesh.
 
@@ -81,6 +91,8 @@ class Camera:
         contrast: float = 0.5,
         texture_seed: int = 1,
         farthest: float = 50.0,
+        port: float | None = None,
+        row_time: float = 0.0,
         sensitivity: float = 1200.0,
         read_noise: float = 3.0,
         gain: float = 0.051,
@@ -92,6 +104,12 @@ class Camera:
                 f"{columns} x {rows} pixels, focal length {focal_length:g} pixels",
                 "more than 0",
             )
+        if port is not None and not 0.0 <= port < float("inf"):
+            raise InputInvalid("camera", f"port at {port:g} m", "0 m or more before the lens")
+        if not 0.0 <= row_time < float("inf"):
+            raise InputInvalid("camera", f"row_time = {row_time:g} s", "0 s or more")
+        if len(lamps) > LAMPS:
+            raise InputInvalid("camera", f"{len(lamps)} lamps", f"{LAMPS} at most")
         self.shape = rows, columns
         self._caster = Caster(scene)
         ground = self._caster.ground
@@ -102,7 +120,7 @@ class Camera:
             raise InputInvalid("camera", f"{len(rho)} reflectances", f"{len(ground.names)}")
         image = CameraImage(
             "camera", ground, rows, columns, len(lamps), 0, farthest, TEXTURE_SIZE, texture_seed,
-            np.asarray(seabed, float), rho, True, True,
+            np.asarray(seabed, float), rho, True, True, True,
         )  # fmt: skip
         counts, lengths, seed = camera_numbers(image)
         self._arrays = {k: np.ascontiguousarray(a) for k, a in camera_arrays(image).items()}
@@ -115,14 +133,23 @@ class Camera:
             [focal_length, *distortion], *colours,
             [asymmetry, contrast, sensitivity, read_noise, gain, float(noise)],
         ])  # fmt: skip
+        self._shutter = np.array([1.0 if port is None else WATER_INDEX, port or 0.0, row_time])
         self._lamps = tuple(lamps)
 
-    def arguments(self, positions: ArrayLike, rotations: ArrayLike, seed: int = 0) -> Array:
+    def arguments(
+        self,
+        positions: ArrayLike,
+        rotations: ArrayLike,
+        seed: int = 0,
+        velocities: ArrayLike = (0.0,) * 6,
+    ) -> Array:
         """Return the arguments (n, n_in) of the images; see fmus/runtime/worlds/uuv_camera.h."""
         p = np.asarray(positions, float).reshape(-1, 3)
         R = np.broadcast_to(np.asarray(rotations, float), (len(p), 3, 3))
         draws = np.random.default_rng(seed).standard_normal((len(p), 2))
-        x = [p, R.reshape(-1, 9), np.tile(self._numbers, (len(p), 1)), draws]
+        shutter = np.tile(self._shutter, (len(p), 1))
+        moves = np.broadcast_to(np.asarray(velocities, float), (len(p), 6))
+        x = [p, R.reshape(-1, 9), np.tile(self._numbers, (len(p), 1)), draws, shutter, moves]
         assert sum(each.shape[1] for each in x) == CAMERA_HEAD
         for lamp in self._lamps:
             cones = np.cos([lamp.inner, lamp.outer])
@@ -132,14 +159,22 @@ class Camera:
         assert found.shape[1] == CAMERA_HEAD + CAMERA_LAMP * len(self._lamps)
         return found
 
-    def images(self, positions: ArrayLike, rotations: ArrayLike, seed: int = 0) -> Images:
+    def images(
+        self,
+        positions: ArrayLike,
+        rotations: ArrayLike,
+        seed: int = 0,
+        velocities: ArrayLike = (0.0,) * 6,
+    ) -> Images:
         """Return the images from `positions` (n, 3) [m] in `n`, and by `rotations` (n, 3, 3).
 
         A rotation turns vectors of the instrument into `n`. `seed` is that of the noise alone.
+        `velocities` (n, 6) are those of the camera [m/s] and its rotation [rad/s], both in `n`:
+        only a rolling shutter shows them.
         Raises InputInvalid for a place that is above the water, below the seabed, in an obstacle
         or not finite, and for images that do not fit into memory.
         """
-        x = self.arguments(positions, rotations, seed)
+        x = self.arguments(positions, rotations, seed, velocities)
         self._check(x[:, :3])
         n, pixels = len(x), self.shape[0] * self.shape[1]
         try:
@@ -149,18 +184,19 @@ class Camera:
                 np.empty((n, *self.shape, 3)),
                 np.empty((n, *self.shape), np.float32),
                 np.empty((n, *self.shape), np.uint16),
+                np.empty((n, *self.shape, 3), np.float32),
             )
         except (MemoryError, ValueError):
             rows, columns = self.shape
             raise InputInvalid(
                 "camera",
                 f"{n} images of {columns} x {rows} pixels",
-                f"images that fit into memory; these need {n * pixels * 33 / 2**30:,.0f} GiB",
+                f"images that fit into memory; these need {n * pixels * 45 / 2**30:,.0f} GiB",
             ) from None
         self._c.uuv_camera_batch(
             ctypes.byref(self._caster.scene), ctypes.byref(self._camera), x.ctypes.data,
             x.shape[1], n, room.ctypes.data, found.image.ctypes.data, found.radiance.ctypes.data,
-            found.depth.ctypes.data, found.label.ctypes.data,
+            found.depth.ctypes.data, found.label.ctypes.data, found.normal.ctypes.data,
         )  # fmt: skip
         return found
 
@@ -207,6 +243,6 @@ def opened(library: Path) -> ctypes.CDLL:
     """Load a compiled ``camera_batch.c``."""
     c = ctypes.CDLL(str(library))
     pointer, count = ctypes.c_void_p, ctypes.c_int64
-    c.uuv_camera_batch.argtypes = [pointer, pointer, pointer, count, count, *[pointer] * 5]
+    c.uuv_camera_batch.argtypes = [pointer, pointer, pointer, count, count, *[pointer] * 6]
     c.uuv_camera_batch.restype = None
     return c

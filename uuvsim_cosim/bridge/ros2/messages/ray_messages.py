@@ -36,7 +36,7 @@ def _bytes(values: Array) -> Array:
 
 def _size(f: Facts) -> tuple[int, int]:
     """Return height and width of an instrument's image, or of its row of beams."""
-    rows, columns = f.get("@grid", np.array([1, len(f["@scale"])])).tolist()
+    rows, columns = f["@grid"].tolist() if "@grid" in f else (1, len(f["@scale"]))
     return int(rows), int(columns)
 
 
@@ -86,27 +86,41 @@ def _ranges(v: Values, f: Facts) -> dict[str, Array]:
 
 def _image(v: Values, f: Facts) -> dict[str, Array]:
     height, width = _size(f)
-    return {
-        "height": np.array([height]),
-        "width": np.array([width]),
-        "step": np.array([4 * width]),
-        "data": _bytes(_echoes(v["image"])),
-    }
+    size = {"height": np.array([height]), "width": np.array([width])}
+    if "@pixels" in f:
+        levels = np.asarray(v["image"]).astype(np.uint8)
+        return size | {"step": np.array([3 * width]), "data": levels.reshape(len(levels), -1)}
+    return size | {"step": np.array([4 * width]), "data": _bytes(_echoes(v["image"]))}
+
+
+def _image_shape(_: Values, f: Facts) -> Shape:
+    height, width = _size(f)
+    encoding, size = ("rgb8", 3) if "@pixels" in f else ("32FC1", 4)
+    return Shape({"encoding": encoding}, {"data": size * height * width})
 
 
 def _camera(_: Values, f: Facts) -> dict[str, Array]:
     """Return the pinhole camera whose pixel (row i, column j) looks along (x_j, y_i, 1)."""
     height, width = _size(f)
+    if "@pixels" in f:
+        focal, k1, k2 = f["@lens"].tolist()
+        return _camera_info(height, width, focal, focal, (k1, k2))
     d = f["@directions"].reshape(height, width, 3)
     (x, y) = (d[0, :, 0] / d[0, :, 2], d[:, 0, 1] / d[:, 0, 2])
     # The edges of the image are half a pixel beyond the first one's middle, and symmetric.
     fx, fy = ((n - 1) / np.ptp(u) if n > 1 else np.nan for n, u in ((width, x), (height, y)))
     fx, fy = (fy if np.isnan(fx) else fx), (fx if np.isnan(fy) else fy)
+    return _camera_info(height, width, float(fx), float(fy))
+
+
+def _camera_info(
+    height: int, width: int, fx: float, fy: float, radial: tuple[float, float] = (0.0, 0.0)
+) -> dict[str, Array]:
     cx, cy = (width - 1) / 2, (height - 1) / 2
     return {
         "height": np.array([height]),
         "width": np.array([width]),
-        "d": np.zeros((1, 5)),
+        "d": np.array([[*radial, 0.0, 0.0, 0.0]]),
         "k": np.array([[fx, 0, cx, 0, fy, cy, 0, 0, 1]]),
         "r": np.eye(3).reshape(1, 9),
         "p": np.array([[fx, 0, cx, 0, 0, fy, cy, 0, 0, 0, 1, 0]]),
@@ -162,13 +176,13 @@ RAY_CONVERSIONS = {
     "sensor_msgs/msg/Image": Conversion(
         {"image": ANY},
         _image,
-        needs=frozenset({"@scale", "@grid", "@depth"}),
-        shape=lambda _, f: Shape({"encoding": "32FC1"}, {"data": 4 * len(f["@scale"])}),
+        needs=frozenset({"@grid", "@seen"}),
+        shape=_image_shape,
     ),
     "sensor_msgs/msg/CameraInfo": Conversion(
         {"image": ANY},
         _camera,
-        needs=frozenset({"@directions", "@grid", "@depth"}),
+        needs=frozenset({"@grid", "@seen", "@lens"}),
         shape=lambda _, f: Shape({"distortion_model": "plumb_bob"}, {"d": 5}),
     ),
     "marine_acoustic_msgs/msg/SonarRanges": Conversion(
