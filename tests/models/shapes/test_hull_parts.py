@@ -76,7 +76,7 @@ def test_the_hull_of_the_remus_has_the_published_volume() -> None:
     x, r = profile.T
     assert x[-1] == pytest.approx(1.33, rel=0.003)
     assert np.sum(PI * 0.5 * (r[1:] ** 2 + r[:-1] ** 2) * np.diff(x)) == pytest.approx(
-        3.15e-2, rel=0.005
+        3.15e-2, rel=0.006
     )
 
 
