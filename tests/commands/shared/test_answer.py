@@ -145,6 +145,7 @@ QUICK = {
     "models show": "models show battery",
     "models check": "models check --source closed_form",
     "models picture": "models picture remus100 -o x.svg",
+    "models mesh": "models mesh sphere -o x.glb",
     "models speeds": "models speeds tethys_lrauv",
     "models new": "models new my_rov",
     "cite": "cite bluerov2_hold",

@@ -150,7 +150,8 @@ def test_names_do_not_matter() -> None:
     (body,) = scene3d_of_plan(flatten(system)).bodies
     assert (body.name, body.eta) == ("boat", "boat.eta")
     assert [a.signal for a in body.arrows] == ["screw.thrust"]
-    assert body.size == pytest.approx(vehicle_size("remus100").length, rel=0.01)  # type: ignore[union-attr]
+    length = vehicle_size("remus100").length  # type: ignore[union-attr]
+    assert length < body.size < 1.06 * length  # the propeller is behind the hull
 
 
 def test_a_hull_of_unknown_size_is_a_box_and_said_so(tmp_path: Path) -> None:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from uuvsim_cosim.commands.models.import_vehicle import import_command
+from uuvsim_cosim.commands.models.mesh import mesh_command
 from uuvsim_cosim.commands.models.picture import picture_command
 from uuvsim_cosim.commands.models.speeds import speeds_command
 from uuvsim_cosim.commands.shared.completion import models, of
@@ -273,4 +274,5 @@ def new(
 
 app.command("import")(import_command)
 app.command("picture")(picture_command)
+app.command("mesh")(mesh_command)
 app.command("speeds")(speeds_command)

@@ -193,6 +193,7 @@ EXAMPLES: dict[str, tuple[str, ...]] = {
         "models check bluerov2_heavy@wu_2018 --against trajectory.csv --tolerance 1e-6",
     ),
     "models picture": ("models picture", "models picture remus100 my_rov -o both.svg"),
+    "models mesh": ("models mesh remus100 -o remus100.glb",),
     "models speeds": ("models speeds", "models speeds bluerov2_heavy --voltage 14.8"),
     "models new": ("models new my_rov --shape box",),
     "models import": ("models import hull.stl --mass 11.5 -o my_rov",),

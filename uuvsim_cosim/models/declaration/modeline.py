@@ -40,6 +40,7 @@ PATTERNS: dict[str, tuple[str, ...]] = {
     "randomisation": ("*randomisation*.yaml",),
     "scenario": ("*scenario*.yaml", "*faults*.yaml"),
     "scene": ("scene.yaml",),
+    "shape": ("shape.yaml",),
     "sources": ("sources.yaml",),
     "speeds": ("speeds.yaml",),
     "study": ("*study*.yaml",),

@@ -24,6 +24,7 @@ from uuvsim_cosim.models.declaration.parameter_files import (
     vehicle_folder,
 )
 from uuvsim_cosim.models.hull.ballast import read_ballast
+from uuvsim_cosim.models.shapes.hull_shape import read_hull_shape
 from uuvsim_cosim.models.shapes.volumes import vehicle_volumes
 
 __all__ = ["read_folder"]
@@ -96,6 +97,7 @@ _READERS: dict[str, Callable[[Path], object]] = {
     "published.yaml": lambda folder: read_yaml(
         folder / "published.yaml", "published.schema.json", _intervals
     ),
+    "shape.yaml": lambda folder: read_hull_shape(folder / "shape.yaml"),
     "speeds.yaml": lambda folder: read_yaml(folder / "speeds.yaml", "speeds.schema.json"),
     "checks.yaml": lambda folder: read_yaml(folder / "checks.yaml", "checks.schema.json"),
 }

@@ -43,7 +43,7 @@ if TYPE_CHECKING:
 __all__ = ["Saved", "address_of", "save_as"]
 
 _COPIED = ("parameters.yaml", "thrusters.yaml", "fins.yaml", "propeller.yaml", "control.yaml",
-           "published.yaml", "README.md")  # fmt: skip
+           "published.yaml", "shape.yaml", "README.md")  # fmt: skip
 
 
 @dataclass(frozen=True)

@@ -25,6 +25,12 @@
   gl.bufferData(gl.ARRAY_BUFFER, new Float32Array([0, -1, 1, -1, 0, 1, 1, 1]), gl.STATIC_DRAW);
   const rgb = c => [1, 3, 5].map(i => parseInt(c.slice(i, i + 2), 16) / 255);
   const mesh = m => surface(gl, tri, floats(m.v), new Uint32Array(bytes(m.f)));
+  const hulls = data.hulls.map(m => {
+    const corner = Float32Array.from(new Uint16Array(bytes(m.v)), (c, k) => m.low[k % 3] + m.step * c);
+    let radius = 0;
+    for (let k = 0; k < corner.length; k += 3) radius = Math.max(radius, Math.hypot(corner[k], corner[k + 1], corner[k + 2]));
+    return { radius, drawn: surface(gl, tri, corner, new (m.wide ? Uint32Array : Uint16Array)(bytes(m.f)), 0.8) };
+  });
 
   const origin = data.origin;  // positions are relative to it: float32 keeps their digits
   let levels = new Map(), interval = 0;
@@ -54,10 +60,8 @@
       r: b.arrows.r, e: b.arrows.e, v: data.live ? new Float32Array(b.arrows.r.length) : shorts(b.arrows.v), scale: data.live ? 32767 : b.arrows.scale,
     };
     const points = arrows && new Float32Array(18 * arrows.r.length);
-    const corner = floats(b.v), far = k => Math.hypot(corner[k], corner[k + 1], corner[k + 2]);
-    let radius = 0;
-    for (let k = 0; k < corner.length; k += 3) radius = Math.max(radius, far(k));
-    return { name: b.name, p, q: b.q && shorts(b.q), size: b.size, radius, hull: mesh(b), colour: rgb(b.colour), css: b.colour, arrows, points,
+    const { radius, drawn: hull } = hulls[b.hull];
+    return { name: b.name, p, q: b.q && shorts(b.q), size: b.size, radius, hull, colour: rgb(b.colour), css: b.colour, arrows, points,
       drawn: points && line(gl, lin, corners, points, false) };
   });
 

@@ -57,12 +57,23 @@ function program(gl, [vertex, fragment]) {
   }
   return { p, u: names, at: name => gl.getAttribLocation(p, name) };
 }
-function surface(gl, prog, vertices, faces) {
-  const data = new Float32Array(6 * faces.length), at = k => vertices.subarray(3 * k, 3 * k + 3);
+// Triangles are flat; with `crease`, a corner's normal is the mean of its triangles whose normals differ by an angle of
+// a cosine of at least that: round parts look round, and edges stay sharp.
+function surface(gl, prog, vertices, faces, crease) {
+  const data = new Float32Array(6 * faces.length), at = k => vertices.subarray(3 * k, 3 * k + 3), around = [], flat = [];
   for (let i = 0; i < faces.length; i += 3) {
-    const [a, b, c] = [at(faces[i]), at(faces[i + 1]), at(faces[i + 2])];
-    const normal = unit(cross(sub(b, a), sub(c, a)));
-    [a, b, c].forEach((p, k) => { data.set(p, 6 * (i + k)); data.set(normal, 6 * (i + k) + 3); });
+    const [a, b, c] = [at(faces[i]), at(faces[i + 1]), at(faces[i + 2])], whole = cross(sub(b, a), sub(c, a)), normal = unit(whole);
+    flat.push({ whole, normal });
+    for (let k = i; crease && k < i + 3; k++) (around[faces[k]] ||= []).push(i / 3);
+  }
+  for (let k = 0; k < faces.length; k++) {
+    const own = flat[Math.floor(k / 3)].normal;
+    let normal = own;
+    if (crease) {
+      const near = around[faces[k]].map(f => flat[f]).filter(f => dot(f.normal, own) >= crease);
+      normal = unit([0, 1, 2].map(i => near.reduce((s, f) => s + f.whole[i], 1e-12 * own[i])));
+    }
+    data.set(at(faces[k]), 6 * k); data.set(normal, 6 * k + 3);
   }
   const vao = gl.createVertexArray();
   gl.bindVertexArray(vao);

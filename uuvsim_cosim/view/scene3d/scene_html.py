@@ -127,8 +127,8 @@ def scene_data(scene3d: Scene3D, motion: Motion) -> dict[str, Any]:
     origin = np.append(np.round(0.5 * (low[:2] + high[:2]), 3), 0.0)
     data: dict[str, Any] = {
         "time": _floats(motion.time), "extent": [_list(low - origin), _list(high - origin)],
-        "origin": _list(origin), "arrow": ARROW, "bodies": [], "lines": [], "solids": [],
-        "terrain": None,
+        "origin": _list(origin), "arrow": ARROW, "hulls": [], "bodies": [], "lines": [],
+        "solids": [], "terrain": None,
     }  # fmt: skip
 
     def add_line(points: Array, colour: str, width: float, mark: str, every: int = 0) -> None:
@@ -136,6 +136,12 @@ def scene_data(scene3d: Scene3D, motion: Motion) -> dict[str, Any]:
         if len(known) > 1:
             data["lines"].append({"points": _floats(known), "colour": colour, "width": width,
                                   "mark": MARKS[mark], "every": every})  # fmt: skip
+
+    def hull(mesh: Mesh) -> int:
+        packed = _packed(mesh)
+        if packed not in data["hulls"]:  # vehicles of one kind share theirs
+            data["hulls"].append(packed)
+        return int(data["hulls"].index(packed))
 
     for i, body in enumerate(scene3d.bodies[:BODIES_MOST]):
         if body.name not in motion.positions:
@@ -145,7 +151,7 @@ def scene_data(scene3d: Scene3D, motion: Motion) -> dict[str, Any]:
         entry: dict[str, object] = {
             "name": body.name, "p": _floats(_held(at) - origin), "size": body.size,
             "colour": colour,
-            "q": _shorts(motion.attitudes[body.name]), **_mesh(body.hull), "arrows": None,
+            "q": _shorts(motion.attitudes[body.name]), "hull": hull(body.hull), "arrows": None,
         }  # fmt: skip
         thrust = motion.thrusts.get(body.name)
         if thrust is not None:
@@ -160,11 +166,11 @@ def scene_data(scene3d: Scene3D, motion: Motion) -> dict[str, Any]:
     t = np.linspace(0.0, np.pi, 9)
     for marker in scene3d.markers[:BODIES_MOST]:
         if marker.name in motion.positions:
-            ball = _mesh(lathe(-marker.radius * np.cos(t), marker.radius * np.sin(t), 14))
+            ball = hull(lathe(-marker.radius * np.cos(t), marker.radius * np.sin(t), 14))
             p = motion.positions[marker.name]
             data["bodies"].append({
                 "name": marker.name, "p": _floats(_held(p) - origin), "size": 4 * marker.radius,
-                "q": None, "colour": MARKER, "arrows": None, **ball,
+                "q": None, "colour": MARKER, "arrows": None, "hull": ball,
             })  # fmt: skip
             add_line(p, MARKER, 1.0, "truth")
     for line in scene3d.lines:
@@ -209,6 +215,21 @@ def _list(values: Iterable[float]) -> list[float]:
 
 def _mesh(mesh: Mesh, origin: Array | float = 0.0) -> dict[str, str]:
     return {"v": _floats(mesh.vertices - origin), "f": encoded(mesh.faces.astype("<u4"))}
+
+
+def _packed(mesh: Mesh) -> dict[str, Any]:
+    """Return a hull with 16 bits a coordinate: 0.1 mm for one of 5 m."""
+    low = mesh.vertices.min(axis=0)
+    step = float(max(np.ptp(mesh.vertices, axis=0).max(), 1e-6)) / 65535
+    places = ((mesh.vertices - low) / step).round().astype("<u2")
+    wide = "<u2" if len(places) <= 65536 else "<u4"
+    return {
+        "low": [float(x) for x in low],
+        "step": step,
+        "v": encoded(places),
+        "f": encoded(mesh.faces.astype(wide)),
+        "wide": wide == "<u4",
+    }
 
 
 def _held(points: Array) -> Array:

@@ -31,6 +31,7 @@ from uuvsim_cosim.view.scene3d.shapes import (
     hull_of,
     obstacle_mesh,
     placed_surface,
+    shape_of,
 )
 
 __all__ = ["ANYTHING", "pool_solids", "scene3d_of_plan", "scene_solids", "value_of"]
@@ -163,12 +164,15 @@ def _arrows(plan: Plan, hull: int) -> tuple[Arrow, ...]:
 
 
 def _hull_mesh(hull: PlannedComponent, arrows: tuple[Arrow, ...], notes: list[str]) -> Mesh:
-    """Return a hull by the vehicle's file, else a box around its thrusters, else one of 0.5 m."""
+    """Return a hull by its shape or size, else a box around its thrusters, else one of 0.5 m."""
     name, _, query = hull.source.removeprefix("model:").partition("?")
     given = dict(parse_qsl(query)).get("id", "") if name == "vehicle" else name
     id = given.partition("@")[0]
     vehicle = id if hull.source.startswith("model:") and id and is_vehicle(id) else None
     if vehicle is not None:
+        shape = shape_of(vehicle)
+        if shape is not None:
+            return shape
         size = vehicle_size(vehicle)
         if size is not None:
             return hull_of(size)

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uuvsim_cosim.models.declaration.parameter_files import Size
+from uuvsim_cosim.models.shapes.hull_shape import hull_shape
 from uuvsim_cosim.models.worlds.obstacles import Box, Capsule, Cylinder, Obstacle, Sphere
 from uuvsim_cosim.models.worlds.placed_mesh import PlacedMesh
 from uuvsim_cosim.models.worlds.terrain import Terrain
@@ -24,6 +25,7 @@ __all__ = [
     "lathe",
     "obstacle_mesh",
     "placed_surface",
+    "shape_of",
     "surface",
     "terrain_mesh",
 ]
@@ -79,6 +81,12 @@ def hull_of(size: Size) -> Mesh:
         mesh = lathe(along - 0.5 * length, radius)
         mesh = _mesh(mesh.vertices * np.array([1.0, half[1], half[2]]), mesh.faces)
     return _mesh(mesh.vertices + np.asarray(size.at), mesh.faces)
+
+
+def shape_of(vehicle: str) -> Mesh | None:
+    """Return a vehicle by its shape.yaml; None if its folder has none."""
+    shape = hull_shape(vehicle)
+    return None if shape is None else _mesh(*shape.surface)
 
 
 def basin(middle: Array, size: Array) -> Mesh:
