@@ -175,8 +175,7 @@ class Film:
         words = [f"t = {t:.1f} s", f"depth {at[2]:.1f} m"]
         if self.settings.speed != 1.0:
             words.append(f"{self.settings.speed:g} x")
-        if self._step:
-            words.append(f"contours every {self._step:g} m")
+        below = f"   contours every {self._step:g} m" if self._step else ""
         for dx, dy, colour in ((1, 1, PAPER), (0, 0, INK)):
             canvas.text((10 + dx, 10 + dy), self.scene3d.name.replace("_", " "), colour, 1.2 * size)
             canvas.text((10 + dx, 16 + 1.3 * size + dy), "   ".join(words), colour, size)
@@ -187,7 +186,7 @@ class Film:
             for x in (10.0, 10.0 + long):
                 canvas.line([[x + dx, y - 4 + dy], [x + dx, y + dy]], colour, 1.5)
             canvas.line([[10 + dx, y + dy], [10 + long + dx, y + dy]], colour, 1.5)
-            text = f"{scale:g} m at the vehicle"
+            text = f"{scale:g} m at the vehicle{below}"
             canvas.text((10 + dx, y - 8 + dy), text, colour, size, anchor=(0.0, 1.0))
 
     def _hidden(self, seen: Seen, pixels: Array, distance: Array) -> NDArray[np.bool_]:
