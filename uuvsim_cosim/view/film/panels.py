@@ -153,13 +153,13 @@ def panels_of(
         if f"{name}.image" in traces.values:
             found.append(_camera(name, run, traces))
             continue
-        values = _signal(name, traces)
-        if values is None:
+        samples = _signal(name, traces)
+        if samples is None:
             have = ["depth", "speed", "altitude", *traces.values]
             have += [n.removesuffix(".magnitude") for n in have if n.endswith(".magnitude")]
             raise InputInvalid("--panel", f"{name!r} is not in {run}", expected_names(name, have))
         unit = traces.units.get(name, "")
-        found.append(_plot(f"{name} [{unit}]" if unit else name, traces.time, values, span))
+        found.append(_plot(f"{name} [{unit}]" if unit else name, traces.time, samples, span))
     return found
 
 
