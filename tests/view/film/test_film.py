@@ -99,7 +99,7 @@ def test_contours_are_where_the_seabed_crosses_a_level() -> None:
     from uuvsim_cosim.view.film.renderer import Renderer
 
     renderer = Renderer(run, 120, 160, "none")
-    film._step = 0.5
+    film._step, film.renderer = 0.5, renderer
     look = Look.at(np.array([-0.3, 0.0, 2.0]), np.array([-0.3, 0.0, 9.0]))
     seen = renderer.seen(look, {}, 0.0)
     assert (seen.kind == SEABED).all()

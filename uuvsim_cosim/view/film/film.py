@@ -32,7 +32,6 @@ MOST_FRAMES = 1_000_000
 LEAST_SIDE = 64  # pixels
 TRAIL = 1500  # points of a track in a frame
 FAR = 60.0  # m, up to which contours are drawn
-CONTOUR = "#10202c"
 
 
 @dataclass(frozen=True)
@@ -195,7 +194,7 @@ class Film:
         known = np.isfinite(pixels).all(axis=1)
         j, i = np.floor(np.where(known[:, None], pixels, 0.0)).astype(int).T
         inside = known & (i >= 0) & (i < rows) & (j >= 0) & (j < columns)
-        i, j = np.where(inside, i, 0), np.where(inside, j, 0)
+        i, j = i * inside, j * inside
         before = (seen.kind[i, j] != NOTHING) & (seen.distance[i, j] < 0.995 * distance - 0.02)
         return np.asarray(~inside | before)
 
@@ -253,16 +252,17 @@ class Film:
         ):
             crossed = bed[a] & bed[b] & (level[a] != level[b])
             edge[a] = np.where(crossed, np.maximum(level[a], level[b]), edge[a])
-        pixels = canvas.pixels()
-        for of, strength in ((edge != 0, 0.45), ((edge != 0) & (edge % 5 == 0), 0.45)):
-            pixels[of] = ((1.0 - strength) * pixels[of] + strength * np.array([16, 32, 44])).astype(
-                np.uint8
-            )
+        # Lines vanish in the fog with the ground that they are on.
+        clear = np.exp(-float(self.renderer.optics[0].min()) * seen.distance)
+        strength = np.where(edge % 5 == 0, 0.7, 0.45) * clear * (edge != 0)
+        ink = np.array([16.0, 32.0, 44.0])
+        pixels = canvas.pixels() + strength[..., None] * (ink - canvas.pixels())
+        pixels = (pixels + 0.5).astype(np.uint8)
         canvas.place(0, 0, pixels)
         column = int(0.62 * level.shape[1])
         last = -1e9
         for i in np.flatnonzero(edge[:, column])[::-1].tolist():
-            if abs(i - last) > 2.5 * size:
+            if abs(i - last) > 2.5 * size and clear[i, column] > 0.03:
                 text = f"{edge[i, column] * self._step:g} m"
                 canvas.text((column, i), text, INK, 0.85 * size, anchor=(0.5, 0.5))
                 last = i
