@@ -191,7 +191,7 @@ class Film:
     def _hidden(self, seen: Seen, pixels: Array, distance: Array) -> NDArray[np.bool_]:
         """Return which places are outside of the frame, or behind something."""
         rows, columns = self.renderer.shape
-        known = np.isfinite(pixels).all(axis=1)
+        known: NDArray[np.bool_] = np.asarray(np.isfinite(pixels).all(axis=1))
         j, i = np.floor(np.where(known[:, None], pixels, 0.0)).astype(int).T
         inside = known & (i >= 0) & (i < rows) & (j >= 0) & (j < columns)
         i, j = i * inside, j * inside
