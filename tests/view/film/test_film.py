@@ -99,7 +99,7 @@ def test_contours_are_where_the_seabed_crosses_a_level() -> None:
     from uuvsim_cosim.view.film.renderer import Renderer
 
     renderer = Renderer(run, 120, 160, "none")
-    film._step = 0.5
+    film._step, film.renderer = 0.5, renderer
     look = Look.at(np.array([-0.3, 0.0, 2.0]), np.array([-0.3, 0.0, 9.0]))
     seen = renderer.seen(look, {}, 0.0)
     assert (seen.kind == SEABED).all()
@@ -110,6 +110,32 @@ def test_contours_are_where_the_seabed_crosses_a_level() -> None:
     levels = seen.deep[rows, 20]
     assert len(rows) >= 3
     assert np.abs(levels / 0.5 - np.round(levels / 0.5)).max() < 0.1
+
+
+def test_panels_show_the_last_ping_and_the_last_image_at_their_time() -> None:
+    from uuvsim_cosim.envs.pictures.canvas import Canvas
+    from uuvsim_cosim.view.film.panels import _Camera, _Sonar
+    from uuvsim_cosim.view.sonar.pictures import Levels
+    from uuvsim_cosim.view.sonar.scans import SonarScans
+
+    echo = np.zeros((2, 3, 4), np.float32)
+    echo[1] = 1.0
+    scans = SonarScans(
+        "sonar", np.array([1.0, 2.0]), np.array([-0.3, 0.0, 0.3]), np.arange(1.0, 5.0), echo
+    )
+    images = np.zeros((2, 3, 4, 3), np.uint8)
+    images[1] = 255
+    for panel in (
+        _Sonar(scans, Levels(1.0)),
+        _Camera("camera", np.array([1.0, 2.0]), images, 0.75),
+    ):
+        brightness = []
+        for t in (1.0, 1.9, 2.0, 1.0):
+            canvas = Canvas(120, 100, "#000000")
+            panel.draw(canvas, (0, 0, 120, 90), 8.0, t)
+            brightness.append(float(canvas.pixels()[30:70].mean()))
+        assert brightness[0] == brightness[3]
+        assert brightness[2] > brightness[1] + 10.0
 
 
 # ---- paths --------------------------------------------------------------------------------------

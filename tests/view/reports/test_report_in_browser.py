@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from tests.view.browser import found_in_page
+from uuvsim_cosim.models.worlds.terrain import Terrain
 from uuvsim_cosim.view.recorded.traces import Traces
 from uuvsim_cosim.view.reports.run_comparison import comparison_html
 from uuvsim_cosim.view.reports.run_report import report_html
@@ -158,3 +159,41 @@ def test_the_camera_stays_outside_of_a_hull_a_thousand_kilometres_away(tmp_path:
     assert radius > corner
     assert start > away >= radius - 1e-6
     assert np.abs(centre).max() < 100.0  # positions are relative to the track
+
+
+def test_water_and_caustics_are_options_of_the_scene_that_are_off(tmp_path: Path) -> None:
+    time = np.linspace(0.0, 10.0, 11)
+    eta = np.zeros((11, 6))
+    eta[:, 0], eta[:, 2] = time, 3.0
+    bed = Terrain(np.full((9, 9), 6.0, np.float32), 5.0, (-20.0, -20.0))
+    scene3d = Scene3D("bed", (Body("hull", ANYTHING, "hull.eta"),), terrain=bed)
+    page = report_html(Traces(time, {"hull.eta": eta}), {}, scene3d)
+    script = (
+        TOOLS
+        + """
+    const canvas = document.querySelector('#scene canvas'), gl = canvas.getContext('webgl2');
+    const seen = async box => {
+      if (box) { box.click(); await wait(); }
+      window.uuvsimScene.camera.away = 12;
+      const raw = new Uint8Array(4 * 40 * 40);
+      const draw = gl.bindVertexArray.bind(gl);
+      gl.bindVertexArray = v => {
+        draw(v);
+        if (!v) gl.readPixels(canvas.width / 2 - 20, 10, 40, 40, gl.RGBA, gl.UNSIGNED_BYTE, raw);
+      };
+      window.uuvsimScene.zoom(1); await wait(); await wait();
+      delete gl.bindVertexArray;
+      const part = c => Array.from(raw).filter((_, i) => i % 4 === c);
+      const mean = v => v.reduce((a, b) => a + b, 0) / v.length;
+      const green = part(1), middle = mean(green);
+      return [mean(part(0)), middle, mean(part(2)), mean(green.map(v => (v - middle) ** 2))];
+    };
+    const wet = document.querySelector('.wet'), net = document.querySelector('.net');
+    const off = [wet.checked, net.checked];
+    return [off, await seen(), await seen(wet), await seen(net)];
+    """
+    )
+    off, dry, wet, net = found_in_page(tmp_path, page, script)
+    assert off == [False, False]
+    assert wet[0] / wet[2] < 0.8 * dry[0] / dry[2]  # red goes first
+    assert net[3] > wet[3] + 1.0  # bright lines on an even ground

@@ -32,7 +32,6 @@ MOST_FRAMES = 1_000_000
 LEAST_SIDE = 64  # pixels
 TRAIL = 1500  # points of a track in a frame
 FAR = 60.0  # m, up to which contours are drawn
-CONTOUR = "#10202c"
 
 
 @dataclass(frozen=True)
@@ -175,8 +174,7 @@ class Film:
         words = [f"t = {t:.1f} s", f"depth {at[2]:.1f} m"]
         if self.settings.speed != 1.0:
             words.append(f"{self.settings.speed:g} x")
-        if self._step:
-            words.append(f"contours every {self._step:g} m")
+        below = f"   contours every {self._step:g} m" if self._step else ""
         for dx, dy, colour in ((1, 1, PAPER), (0, 0, INK)):
             canvas.text((10 + dx, 10 + dy), self.scene3d.name.replace("_", " "), colour, 1.2 * size)
             canvas.text((10 + dx, 16 + 1.3 * size + dy), "   ".join(words), colour, size)
@@ -187,16 +185,16 @@ class Film:
             for x in (10.0, 10.0 + long):
                 canvas.line([[x + dx, y - 4 + dy], [x + dx, y + dy]], colour, 1.5)
             canvas.line([[10 + dx, y + dy], [10 + long + dx, y + dy]], colour, 1.5)
-            text = f"{scale:g} m at the vehicle"
+            text = f"{scale:g} m at the vehicle{below}"
             canvas.text((10 + dx, y - 8 + dy), text, colour, size, anchor=(0.0, 1.0))
 
     def _hidden(self, seen: Seen, pixels: Array, distance: Array) -> NDArray[np.bool_]:
         """Return which places are outside of the frame, or behind something."""
         rows, columns = self.renderer.shape
-        known = np.isfinite(pixels).all(axis=1)
+        known: NDArray[np.bool_] = np.asarray(np.isfinite(pixels).all(axis=1))
         j, i = np.floor(np.where(known[:, None], pixels, 0.0)).astype(int).T
         inside = known & (i >= 0) & (i < rows) & (j >= 0) & (j < columns)
-        i, j = np.where(inside, i, 0), np.where(inside, j, 0)
+        i, j = i * inside, j * inside
         before = (seen.kind[i, j] != NOTHING) & (seen.distance[i, j] < 0.995 * distance - 0.02)
         return np.asarray(~inside | before)
 
@@ -254,16 +252,17 @@ class Film:
         ):
             crossed = bed[a] & bed[b] & (level[a] != level[b])
             edge[a] = np.where(crossed, np.maximum(level[a], level[b]), edge[a])
-        pixels = canvas.pixels()
-        for of, strength in ((edge != 0, 0.45), ((edge != 0) & (edge % 5 == 0), 0.45)):
-            pixels[of] = ((1.0 - strength) * pixels[of] + strength * np.array([16, 32, 44])).astype(
-                np.uint8
-            )
+        # Lines vanish in the fog with the ground that they are on.
+        clear = np.exp(-float(self.renderer.optics[0].min()) * seen.distance)
+        strength = np.where(edge % 5 == 0, 0.7, 0.45) * clear * (edge != 0)
+        ink = np.array([16.0, 32.0, 44.0])
+        pixels = canvas.pixels() + strength[..., None] * (ink - canvas.pixels())
+        pixels = (pixels + 0.5).astype(np.uint8)
         canvas.place(0, 0, pixels)
         column = int(0.62 * level.shape[1])
         last = -1e9
         for i in np.flatnonzero(edge[:, column])[::-1].tolist():
-            if abs(i - last) > 2.5 * size:
+            if abs(i - last) > 2.5 * size and clear[i, column] > 0.03:
                 text = f"{edge[i, column] * self._step:g} m"
                 canvas.text((column, i), text, INK, 0.85 * size, anchor=(0.5, 0.5))
                 last = i

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import final
 from urllib.parse import parse_qsl
@@ -83,7 +83,8 @@ class _Sonar(Panel):
 
     scans: SonarScans
     levels: Levels
-    aspect = 0.8
+    aspect: float = 0.8
+    last: dict[tuple[float, int], Pixels] = field(default_factory=dict)  # the newest picture
 
     def draw(self, canvas: Canvas, box: tuple[int, int, int, int], size: float, t: float) -> None:
         left, top, width, height = box
@@ -96,8 +97,11 @@ class _Sonar(Panel):
         if kind == "waterfall":
             last = int(np.searchsorted(self.scans.time, t, side="right"))
             shown = self.scans.between(0, last)
-        drawn = next(pictures(shown, kind, self.levels, max(int(0.8 * width), 16)))
-        _fit(canvas, drawn, box)
+        key = float(shown.time[-1]), width
+        if key not in self.last:  # a ping is shown in several frames
+            self.last.clear()
+            self.last[key] = next(pictures(shown, kind, self.levels, max(int(0.8 * width), 16)))
+        _fit(canvas, self.last[key], box)
 
 
 @final
@@ -135,7 +139,7 @@ def panels_of(
     """  # fmt: skip
     if len(names) > MOST:
         raise InputInvalid("--panel", f"{len(names)} panels", f"at most {MOST}")
-    found = []
+    found: list[Panel] = []
     for name in names:
         derived = _derived(name, traces, body, position, caster)
         if derived is not None:
@@ -149,13 +153,13 @@ def panels_of(
         if f"{name}.image" in traces.values:
             found.append(_camera(name, run, traces))
             continue
-        values = _signal(name, traces)
-        if values is None:
+        samples = _signal(name, traces)
+        if samples is None:
             have = ["depth", "speed", "altitude", *traces.values]
             have += [n.removesuffix(".magnitude") for n in have if n.endswith(".magnitude")]
             raise InputInvalid("--panel", f"{name!r} is not in {run}", expected_names(name, have))
         unit = traces.units.get(name, "")
-        found.append(_plot(f"{name} [{unit}]" if unit else name, traces.time, values, span))
+        found.append(_plot(f"{name} [{unit}]" if unit else name, traces.time, samples, span))
     return found
 
 

@@ -149,7 +149,7 @@ class Renderer:
         """
         K, sun = self.optics[2], self.optics[3]
         daylight = float(np.mean(sun * np.exp(-K * max(depth, 0.0)))) / float(np.mean(sun))
-        return MIDDLE * np.pi / (0.3 * float(np.mean(sun)) * daylight**ADAPTED)
+        return float(MIDDLE * np.pi / (0.3 * float(np.mean(sun)) * daylight**ADAPTED))
 
     def picture(self, seen: Seen, depth: float) -> NDArray[np.uint8]:
         """Return a frame (rows, columns, 3) to look at: exposed, with a shoulder, with gamma."""

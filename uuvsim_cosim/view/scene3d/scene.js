@@ -86,6 +86,10 @@
   let t = time[0], playing = null, follow = false, asked = false;
   const slider = card.querySelector("input[type=range]"), go = card.querySelector(".go");
   const clock = card.querySelector(".clock"), speed = card.querySelector("select"), whom = card.querySelector(".follow");
+  const wet = card.querySelector(".wet"), net = card.querySelector(".net");
+  wet.onchange = net.onchange = () => again();
+  // Colour of water at a depth [m]: its light fades with the attenuation of daylight, red first.
+  const murk = z => [[0.1, 0.3], [0.42, 0.075], [0.5, 0.06]].map(([c, K], i) => 0.45 * c + 0.55 * c * Math.exp(-K * Math.max(0, z)));
 
   function nearest() {
     let a = 0, b = n - 1;
@@ -103,7 +107,7 @@
     gl.useProgram(p.p);
     gl.uniformMatrix4fv(p.u.view, false, view); gl.uniformMatrix4fv(p.u.model, false, model);
     gl.uniform3fv(p.u.colour, colour); gl.uniform3fv(p.u.water, water);
-    gl.uniform1f(p.u.fade, 7 * Math.max(reach, camera.away)); gl.uniform1f(p.u.alpha, alpha);
+    gl.uniform1f(p.u.fade, wet.checked ? 3.5 * camera.away : 7 * Math.max(reach, camera.away)); gl.uniform1f(p.u.alpha, alpha);
   }
   function draw() {
     asked = false;
@@ -111,12 +115,13 @@
     const w = Math.max(1, Math.round(box.width * ratio)), h = Math.max(1, Math.round(box.height * ratio));
     if (canvas.width !== w || canvas.height !== h) { canvas.width = w; canvas.height = h; }
     const probe = getComputedStyle(card.querySelector(".viewport")).backgroundColor.match(/[\d.]+/g).map(Number);
-    const water = probe.slice(0, 3).map(v => v / 255), moment = nearest();
+    const moment = nearest();
     if (follow && bodies.length) camera.at = where(bodies[0], moment)[0].map((v, i) => isFinite(v) ? v : camera.at[i]);
     const c = Math.cos(camera.lift), to = [c * Math.cos(camera.turn), c * Math.sin(camera.turn), -Math.sin(camera.lift)];
     const hulls = bodies.map(b => [where(b, moment)[0], 1.15 * b.radius]).filter(([p]) => p.every(isFinite));
     const eye = outside(camera.at.map((v, i) => v + camera.away * to[i]), to, hulls);
     camera.away = Math.hypot(...sub(eye, camera.at)); camera.eye = eye; camera.hulls = hulls;
+    const water = wet.checked ? murk(eye[2]) : probe.slice(0, 3).map(v => v / 255);
     const near = Math.min(0.01 * camera.away, ...hulls.map(([p, r]) => Math.max(0.5 * (Math.hypot(...sub(eye, p)) - 0.87 * r), 1e-3 * r)));
     const opening = 0.42 * Math.max(1, 1.3 * h / w);
     const view = times(perspective(2 * Math.atan(opening), w / h, near, 30 * Math.max(reach, camera.away)), lookAt(eye, camera.at, [0, 0, -1]));
@@ -126,6 +131,7 @@
     const fill = (s, model, colour, alpha, depths) => {
       bind(tri, view, model, colour, alpha, water);
       gl.uniform3fv(tri.u.eye, eye); gl.uniform2fv(tri.u.depths, depths || [0, 0]);
+      gl.uniform1f(tri.u.wet, +wet.checked); gl.uniform1f(tri.u.net, +net.checked); gl.uniform1f(tri.u.time, t);
       gl.bindVertexArray(s.vao); gl.drawArrays(gl.TRIANGLES, 0, s.count);
     };
     const stroke = (l, model, colour, width, alpha) => {

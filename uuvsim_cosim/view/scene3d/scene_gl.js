@@ -8,17 +8,24 @@ void main() {
 }`,
 `#version 300 es
 precision highp float;
-uniform vec3 colour, water, eye; uniform vec2 depths; uniform float fade, alpha; in vec3 place, facing; in float away; out vec4 seen;
+uniform vec3 colour, water, eye; uniform vec2 depths; uniform float fade, alpha, wet, net, time; in vec3 place, facing; in float away; out vec4 seen;
 vec3 tint(float s) {
   vec3 c[6] = vec3[6](vec3(.89,.83,.64), vec3(.72,.81,.61), vec3(.44,.71,.64), vec3(.25,.56,.69), vec3(.16,.39,.6), vec3(.11,.25,.45));
   float f = clamp(s, 0.0, 1.0) * 4.999; int i = int(f);
   return mix(c[i], c[i + 1], f - float(i));
+}
+// Light that waves focus on the ground: an invented pattern.
+float bright(vec2 p) {
+  float a = sin(2.1 * p.x + 1.3 * sin(1.7 * p.y + time) + 0.7 * time), b = sin(2.3 * p.y + 1.2 * sin(1.9 * p.x - 1.1 * time) - 0.6 * time);
+  return pow(1.0 - 0.5 * abs(a + b), 6.0);
 }
 void main() {
   vec3 n = normalize(facing);
   if (dot(n, eye - place) < 0.0) n = -n;
   float light = 0.5 + 0.38 * max(dot(n, normalize(vec3(-0.35, -0.5, -0.8))), 0.0) + 0.14 * abs(n.x);
   vec3 c = depths.y > depths.x ? tint((place.z - depths.x) / (depths.y - depths.x)) : colour;
+  if (net > 0.0 && n.z < -0.2) light += 0.7 * bright(place.xy / 0.9) * exp(-max(place.z, 0.0) / 12.0);
+  if (wet > 0.0) c *= exp(-vec3(0.12, 0.01, 0.0) * clamp(place.z, 0.0, 12.0));  // red goes first
   seen = vec4(mix(c * light, water, 1.0 - exp(-away / fade)), alpha);
 }`];
 const LINE = [`#version 300 es

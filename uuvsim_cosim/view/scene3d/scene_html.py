@@ -73,7 +73,11 @@ def scene_card(
         '<div class="viewport"><canvas tabindex="0" aria-label="Scene of the run"></canvas>'
         f'<canvas class="overlay"></canvas></div><p class="keys">{legend}</p>'
         f'<p class="controls">{"" if live else replay}'
-        f'<label><input class="follow" type="checkbox"> follow {escape(first)}</label></p>{notes}'
+        f'<label><input class="follow" type="checkbox"> follow {escape(first)}</label> '
+        '<label title="colour and fog of water; the fog is scaled to the view">'
+        '<input class="wet" type="checkbox"> water</label> '
+        '<label title="light that waves focus on the ground; an invented pattern">'
+        f'<input class="net" type="checkbox"> caustics</label></p>{notes}'
         f'<script id="scene-data" type="application/json">{data}'
         f"</script>\n<script>{script}</script></div>"
     )
