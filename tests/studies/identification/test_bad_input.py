@@ -57,7 +57,10 @@ BAD: dict[str, tuple[Made, str]] = {
         lambda d: tlog(tlog(d / "1.tlog", start=90_000)), r"jumps back from 95.900 to 5.000 s",
     ),
     "clock that jumps ahead": (
-        lambda d: ulog(d / "1.ulg", times=[*range(5_000_000, 9_000_000, 100_000), 10**13]),
+        lambda d: ulog(
+            d / "1.ulg",
+            times=[*range(5_000_000, 9_000_000, 10**5), *range(10**13, 10**13 + 10**6, 10**5)],
+        ),
         r"jumps ahead by 1e\+07 s at 8.9",
     ),
     "two vehicles": (

@@ -42,7 +42,7 @@ def signals_of_log(log: VehicleLog) -> Signals:
     each span that is not fitted. Time is from the first command on.
     """
     _complete(log)
-    remarks = list(log.remarks)
+    remarks = [*log.remarks, *dict.fromkeys(s.remark for s in log.series.values() if s.remark)]
     vehicle, frame = log.vehicle, log.frame
     name, *others = [n for n in ("u", "pwm", "tau") if n in log.series]
     if others:
