@@ -31,6 +31,12 @@ def table(folder: Path, angle: str, times: str = "{:.1f}") -> Path:
     return path
 
 
+def turned(path: Path) -> Path:
+    """Write a heading of 90 into a table."""
+    path.write_text(path.read_text().replace(",5,0,0,0,", ",5,0,0,90,"))
+    return path
+
+
 def percent(path: Path) -> Path:
     """Write the commands of a table in percent."""
     path.write_text(path.read_text().replace(",0.1", ",10"))
@@ -72,6 +78,9 @@ BAD: dict[str, tuple[Made, str]] = {
     ),
     "angles in degrees": (
         lambda d: table(d, "20"), "pitch reaches 20 at .*as if it were in degrees",
+    ),
+    "heading in degrees": (
+        lambda d: turned(table(d, "0")), "yaw is 90 to 90 all the time, as if it were in degrees",
     ),
     "commands in percent": (
         lambda d: percent(table(d, "0")), r"u\[1\] is 10 at 0.000 s; expected commands from -1",
