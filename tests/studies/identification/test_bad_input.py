@@ -31,6 +31,12 @@ def table(folder: Path, angle: str, times: str = "{:.1f}") -> Path:
     return path
 
 
+def turned(path: Path) -> Path:
+    """Write a heading of 90 into a table."""
+    path.write_text(path.read_text().replace(",5,0,0,0,", ",5,0,0,90,"))
+    return path
+
+
 def percent(path: Path) -> Path:
     """Write the commands of a table in percent."""
     path.write_text(path.read_text().replace(",0.1", ",10"))
@@ -57,7 +63,10 @@ BAD: dict[str, tuple[Made, str]] = {
         lambda d: tlog(tlog(d / "1.tlog", start=90_000)), r"jumps back from 95.900 to 5.000 s",
     ),
     "clock that jumps ahead": (
-        lambda d: ulog(d / "1.ulg", times=[*range(5_000_000, 9_000_000, 100_000), 10**13]),
+        lambda d: ulog(
+            d / "1.ulg",
+            times=[*range(5_000_000, 9_000_000, 10**5), *range(10**13, 10**13 + 10**6, 10**5)],
+        ),
         r"jumps ahead by 1e\+07 s at 8.9",
     ),
     "two vehicles": (
@@ -69,6 +78,9 @@ BAD: dict[str, tuple[Made, str]] = {
     ),
     "angles in degrees": (
         lambda d: table(d, "20"), "pitch reaches 20 at .*as if it were in degrees",
+    ),
+    "heading in degrees": (
+        lambda d: turned(table(d, "0")), "yaw is 90 to 90 all the time, as if it were in degrees",
     ),
     "commands in percent": (
         lambda d: percent(table(d, "0")), r"u\[1\] is 10 at 0.000 s; expected commands from -1",

@@ -106,7 +106,7 @@ def test_a_truncated_csv_and_one_whose_clock_jumps_are_refused(tmp_path: Path) -
     path.write_text(whole + rows(60, "5,0,0,0,1,0,0"))
     with pytest.raises(InputInvalid, match=r"jumps back from 5.900 to 0.000 s"):
         read_log(path)
-    path.write_text(whole + "1700000000,5,0,0,0,1,0,0\n")
+    path.write_text(whole + "".join(f"{17 * 10**8 + k},5,0,0,0,1,0,0\n" for k in range(4)))
     with pytest.raises(InputInvalid, match=r"the clock jumps ahead by 1.7e\+09 s at 5.900 s"):
         read_log(path)
 
@@ -130,7 +130,8 @@ def test_signals_in_a_csv_have_one_clock_too(tmp_path: Path) -> None:
     path.write_text("time,nu[1]\n" + rows(60, "1") + rows(60, "1"))
     with pytest.raises(InputInvalid, match=r"jumps back from 5.900 to 0.000 s"):
         read_log(path)
-    path.write_text("time,nu[1]\n" + rows(60, "1") + "1700000000,1\n")
+    later = "".join(f"{17 * 10**8 + k},1\n" for k in range(4))
+    path.write_text("time,nu[1]\n" + rows(60, "1") + later)
     with pytest.raises(InputInvalid, match=r"jumps ahead by 1.7e\+09 s at 5.900 s"):
         read_log(path)
 

@@ -15,6 +15,7 @@ from uuvsim_cosim.envs.randomisation.randomisation import Randomisation
 from uuvsim_cosim.envs.task.episode_draws import Draws
 from uuvsim_cosim.envs.tasks.station_keeping import StationKeeping
 from uuvsim_cosim.errors import InputInvalid
+from uuvsim_cosim.models.declaration.parameter_files import vehicle_folder
 from uuvsim_cosim.orchestrator.system.system import System
 from uuvsim_cosim.studies.identification.identify import Identified, Number
 from uuvsim_cosim.studies.identification.save import save_as
@@ -52,6 +53,15 @@ def saved(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[[str], st
 def table(drawn: Randomisation, names: list[str], count: int = 4000) -> np.ndarray:
     start = drawn.draw(Draws(seeds=list(range(count)), episodes=[0] * count))
     return np.stack([start[f"hull.{n}"] for n in names])
+
+
+@pytest.mark.parametrize("place", ["", "{shipped}@"])
+def test_a_vehicle_of_the_package_is_not_changed(place: str) -> None:
+    shipped = vehicle_folder("bluerov2_heavy")
+    before = {f: f.read_bytes() for f in shipped.iterdir() if f.is_file()}
+    with pytest.raises(InputInvalid, match="--save-as my_bluerov2_heavy@my_fit"):
+        save_as(fit_of("model:bluerov2_heavy"), f"{place.format(shipped=shipped)}my_fit")
+    assert before == {f: f.read_bytes() for f in shipped.iterdir() if f.is_file()}
 
 
 @pytest.mark.parametrize("name", ["true", "null", "Fit", "1"])

@@ -17,6 +17,7 @@ from uuvsim_cosim.orchestrator.recording.signals import Signals
 from uuvsim_cosim.orchestrator.system.system import System
 from uuvsim_cosim.studies.identification.assumptions import MEASURED, Assumptions
 from uuvsim_cosim.studies.identification.experiment import WEAK, ambiguities, scaled_information
+from uuvsim_cosim.studies.identification.outliers import residual_outliers
 from uuvsim_cosim.studies.identification.residuals import Whiteness, warning_of
 
 if TYPE_CHECKING:
@@ -213,6 +214,12 @@ def identify(
     if grid.computed:
         notes.append(f"computed from recorded signals: {', '.join(grid.computed)}")
     measured = {n: bool(np.isfinite(y).any()) for n, y in zip(MEASURED, grid.y, strict=True)}
+    notes += grid.outliers
+    if found.point is not None:
+        points = problem.steps[:, :1] + np.arange(problem.m + 1)
+        times = grid.begin + grid.t[np.minimum(points, len(grid.t) - 1)].ravel()
+        residual = found.point.residual.reshape(-1, len(MEASURED))
+        notes += residual_outliers(MEASURED, residual.T, times)
     if problem.cuts:
         notes.append(
             f"the model is unstable: the recording was cut at {problem.cuts} points, where a new "

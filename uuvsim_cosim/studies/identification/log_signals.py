@@ -24,6 +24,7 @@ __all__ = ["signals_of_log"]
 
 Array = NDArray[np.float64]
 _TURN = 300.0  # between two samples of an angle: a full turn in degrees
+_TWO_TURNS = 4.0 * pi  # rad
 _ROLL, _PITCH = 3.3, 1.65  # rad: more than pi and pi/2 with noise
 _SLOW = 0.05  # s between commands: ArduSub computes them each 2.5 ms
 _STATES = ("armed", "surfaced", "bottomed")
@@ -42,7 +43,7 @@ def signals_of_log(log: VehicleLog) -> Signals:
     each span that is not fitted. Time is from the first command on.
     """
     _complete(log)
-    remarks = list(log.remarks)
+    remarks = [*log.remarks, *dict.fromkeys(s.remark for s in log.series.values() if s.remark)]
     vehicle, frame = log.vehicle, log.frame
     name, *others = [n for n in ("u", "pwm", "tau") if n in log.series]
     if others:
@@ -151,6 +152,14 @@ def _check_angles(path: Path, series: Mapping[str, Series]) -> None:
         finite = np.isfinite(values)
         size = np.abs(values[finite])
         jumps = np.abs(np.diff(values[finite]))
+        if name == "yaw" and len(size) and size.min(initial=np.inf) > _TWO_TURNS:
+            raise InputInvalid(
+                path,
+                f"yaw is {size.min():.4g} to {size.max():.4g} all the time, as if it were in "
+                "degrees",
+                "radians, less than two turns at some time; unit=deg, or deg in the line of units "
+                "of a CSV, converts it",
+            )
         if size.max(initial=0.0) <= most and jumps.max(initial=0.0) < _TURN:
             continue
         at = float(s.t[finite][int(np.argmax(size))])

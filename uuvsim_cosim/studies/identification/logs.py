@@ -30,8 +30,9 @@ from uuvsim_cosim.studies.identification.readers.telemetry_log import read_telem
 from uuvsim_cosim.studies.identification.vehicle_log import (
     SIZES,
     VehicleLog,
-    check_order,
     check_pauses,
+    damaged_times,
+    remark_on_times,
 )
 
 __all__ = ["read_log", "read_parameter_file"]
@@ -102,9 +103,12 @@ def _csv(path: Path, parameters: Mapping[str, float], channels: Mapping[str, Cha
     named, filled = _gathered(columns)
     if not channels and not _LOGGED & named.keys():
         finite = t[np.isfinite(t)]
-        if len(finite):
-            check_order(path, "the column of time", finite)
-        check_pauses(path, np.maximum.accumulate(finite))
+        damaged = damaged_times(path, "the column of time", finite)
+        remark = remark_on_times("the column of time", finite, damaged)
+        filled = (*filled, remark) if remark else filled
+        check_pauses(path, np.maximum.accumulate(finite[~damaged]))
+        rows = np.flatnonzero(np.isfinite(t))[~damaged]
+        t, named = t[rows], {n: v[rows] for n, v in named.items()}
         metadata = {"file": str(path), "remarks": filled, "excluded": _gaps(t, named)}
         return Signals(t, np.arange(len(t)), named, {}, metadata=metadata)
 

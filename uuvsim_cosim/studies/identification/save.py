@@ -21,6 +21,7 @@ from urllib.parse import parse_qsl
 import numpy as np
 
 from uuvsim_cosim.cache import whole_file
+from uuvsim_cosim.content import content
 from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.models.actuators.thruster_geometry import OF_VEHICLE, options_of, thrusters_file
 from uuvsim_cosim.models.declaration.hull_parameters import meaning_of
@@ -95,7 +96,15 @@ def save_as(found: Identified, name: str) -> list[Saved]:
             else "none of the numbers is the hull's or a thruster's"
         )
         raise InputInvalid(f"--save-as {name}: {why}; nothing to save")
-    folder = _copied(id, Path(place)) if place else vehicle_folder(id)
+    target = Path(place) if place else vehicle_folder(id)
+    if target.resolve().is_relative_to(content("models", "vehicles").resolve()):
+        own = f"my_{target.name}@{set_name}"
+        raise InputInvalid(
+            f"--save-as {name}: the vehicle's folder {target} belongs to the package, and nothing "
+            "is written there",
+            f"a folder of your own, to which the vehicle is copied: --save-as {own}",
+        )
+    folder = _copied(id, target) if place else target
     file, thrusters_yaml = folder / "parameters.yaml", folder / "thrusters.yaml"
     _, data = vehicle_file(str(file))
     there = set(data["sets"]) if known else set()

@@ -30,11 +30,14 @@ from uuvsim_cosim.studies.identification.assumptions import MEASURED, WATER, Ass
 from uuvsim_cosim.studies.identification.exclusions import kept_spans
 from uuvsim_cosim.studies.identification.fitted_model import Feed, GreyBox, feed_of
 from uuvsim_cosim.studies.identification.inputs import Curve, Inputs
+from uuvsim_cosim.studies.identification.outliers import pulses, spike_remark, spikes
 
 __all__ = ["ANGLES", "MEASURED", "Grid", "Lookup", "grid_of"]
 
 Array = NDArray[np.float64]
 ANGLES = (3, 4, 5)
+# Steps between samples of N E D [m], angles, u v w and p q r that are usual in any case.
+FLOORS = (0.05,) * 3 + (0.02,) * 9
 _FORCES = {"thrust", "tau", "force"}
 _FINE, _FINEST = 0.05, 0.02  # s: the longest and the shortest step that is chosen
 _ENOUGH_STEPS, _MOST_STEPS = 1500, 100_000
@@ -61,6 +64,8 @@ class Grid:
     measured: tuple[str, ...]  # the signals that eta and nu were read from
     runs: tuple[tuple[int, int], ...]  # first and last point of each part that is fitted
     inputs: Inputs | None = None  # None: w is for one delay alone
+    begin: float = 0.0  # s in the recording
+    outliers: tuple[str, ...] = ()  # remarks on samples that are left out, or suspicious
 
 
 class Lookup:
@@ -178,6 +183,7 @@ def grid_of(
             f"the inputs of {', '.join(p.path for p in box.parts.values())}, and a measurement of "
             f"{hull} (--map component.variable=signal assigns a recorded signal)",
         )
+    outliers = list(dict.fromkeys(supply.remarks))
     y = np.full((12, K + 1), np.nan)
     for k, name in ((0, eta), (6, nu)):
         if name is not None:
@@ -185,7 +191,11 @@ def grid_of(
             if values.shape[1] != 6:
                 raise InputInvalid(f"signal {name} has {values.shape[1]} elements", "6")
             for j in range(6):
-                y[k + j] = _measured(t, values[:, j], grid, step, k + j in ANGLES)
+                v, angle = values[:, j], k + j in ANGLES
+                z = spikes(v, FLOORS[k + j], angle=angle)
+                if z.any():
+                    outliers.append(spike_remark(f"{name}[{j + 1}]", t, v, z))
+                y[k + j] = _measured(t, np.where(z > 0.0, np.nan, v), grid, step, angle)
     _check_units(y, step, eta or f"{hull}.eta", nu or f"{hull}.nu")
     if not np.isfinite(y).any():
         raise InputInvalid(eta or nu, f"no number from {t[0]:g} to {t[-1]:g} s", "some")
@@ -194,7 +204,7 @@ def grid_of(
         grid - grid[0], step, inputs.at(assumed.delay), y, tuple(supply.computed),
         tuple(n for n in (eta, nu) if n),
         _runs(lookup.signals, grid, step),
-        inputs,
+        inputs, float(grid[0]), tuple(outliers),
     )  # fmt: skip
 
 
@@ -307,6 +317,7 @@ class _Supply:
     ) -> None:
         self.plan, self.lookup, self.t, self.place, self.course = plan, lookup, t, place, course
         self.computed: list[str] = []
+        self.remarks: list[str] = []
         self.exact = "tick" in lookup.signals.metadata  # by a master: outputs of a step are held
         self._done: dict[int, Mapping[str, list[Curve]] | None] = {}
 
@@ -318,6 +329,7 @@ class _Supply:
             values = self.lookup.values(name)[self.place]
             e = self._column(feed, name, values.shape[1])
             sampled = np.asarray(feed.factor * values[:, e] + feed.offset, dtype=float)
+            self.remarks += pulses(name, self.t, values[:, e])
             smooth = feed.variable in WATER and self.course == "smooth"  # it has no spline
             course = "linear" if smooth else self.course
             if course != "held":  # rows that repeat a value are no samples of it

@@ -16,11 +16,15 @@ from numpy.typing import NDArray
 from uuvsim_cosim.errors import InputInvalid
 
 __all__ = [
+    "BACKWARDS",
     "COMMANDS",
     "SIZES",
     "Series",
     "VehicleLog",
     "check_firmware",
+    "check_pauses",
+    "damaged_times",
+    "remark_on_times",
     "with_depth",
     "without_repetitions",
 ]
@@ -31,17 +35,21 @@ SIZES: dict[str, int | None] = {
     "attitude": 3, "rates": 3, "position": 3, "velocity": 3, "dvl": 3, "depth": 1, "range": 1,
     "pwm": None, "u": None, "tau": 6, "voltage": 1, "armed": 1, "surfaced": 1, "bottomed": 1,
 }  # fmt: skip
-_AHEAD = 3600.0  # s: a longer pause is no pause, but another clock
-_BACKWARDS = 0.5  # s that the time of a message may lie before that of an earlier one
+AHEAD = 3600.0  # s: a longer pause is no pause, but another clock
+BACKWARDS = 0.5  # s that the time of a message may lie before that of an earlier one
+_IN_A_ROW, _MOST_DAMAGED = 3, 0.01  # messages with a damaged time; share of all
+_NEAR = 8  # messages on each side, by which it is decided which ones are damaged
+_SHOWN = 3
 COMMANDS = {"u", "pwm", "tau"}  # series, of which one is enough
 
 
 @dataclass(frozen=True)
 class Series:
-    """Values (n, k) at rising times (n,) [s]."""
+    """Values (n, k) at rising times (n,) [s], and a remark on messages that were left out."""
 
     t: Array
     values: Array
+    remark: str = ""
 
     def at(self, times: Array, start: Array | float = np.nan) -> Array:
         """Return the values (len(times), k) held from each time on, `start` before the first."""
@@ -72,32 +80,87 @@ class VehicleLog:
     frame: str | None = None
 
 
-def without_repetitions(path: Path, name: str, t: Array, values: Array) -> Series:
-    """Return a series in the order of time, each time once; refuse a clock that jumps back."""
+def without_repetitions(
+    path: Path, name: str, t: Array, values: Array, backwards: float = BACKWARDS
+) -> Series:
+    """Return a series in the order of time, each time once.
+
+    Messages with a damaged time are left out with a remark; a clock that jumps is refused.
+    `backwards` [s] is how much earlier than the one before it an intact message may be.
+    """
     if len(t) == 0:
         return Series(t, values.reshape(0, values.shape[-1]))
-    check_order(path, name, t)
-    t, first = np.unique(np.round(t, 4), return_index=True)
-    return Series(t, np.asarray(values, dtype=float)[first])
+    damaged = damaged_times(path, name, t, backwards)
+    intact, values = t[~damaged], np.asarray(values, dtype=float)[~damaged]
+    rising, first = np.unique(np.round(intact, 4), return_index=True)
+    return Series(rising, values[first], remark_on_times(name, t, damaged))
 
 
-def check_order(path: Path, name: str, t: Array) -> None:
-    """Refuse times (n,) of a clock that jumps back."""
-    latest = np.maximum.accumulate(t)
-    back = np.flatnonzero(t < latest - _BACKWARDS)
-    if len(back):
-        k = int(back[0])
+def damaged_times(
+    path: Path, name: str, t: Array, backwards: float = BACKWARDS
+) -> NDArray[np.bool_]:
+    """Return which messages (n,), in the order of the log, have a time that cannot be theirs.
+
+    The fewest messages count as damaged without which times rise, up to three in a row. So do up to
+    three at either end that are an hour away from all others. If the times rise only without
+    more messages, the clock was set, or the vehicle was started again: raises InputInvalid.
+    """
+    damaged = np.zeros(len(t), bool)
+    few = max(_IN_A_ROW, _MOST_DAMAGED * len(t))
+    back = np.flatnonzero(np.diff(t) < -backwards)
+    for k in back.tolist() if len(back) <= few else ():
+        window = np.arange(max(k - _NEAR, 0), min(k + _NEAR + 2, len(t)))
+        window = window[~damaged[window]]
+        damaged[np.setdiff1d(window, window[_rising(t[window], backwards)])] = True
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], damaged, [False]]).astype(int)))
+    longest = int((edges[1::2] - edges[::2]).max(initial=0))
+    intact = t[~damaged]
+    falls = bool(np.any(intact < np.maximum.accumulate(intact) - backwards))
+    if longest > _IN_A_ROW or damaged.sum() > few or falls:
+        latest = np.maximum.accumulate(t)
+        k = int(np.flatnonzero(t < latest - backwards)[0])
         raise InputInvalid(
             path,
             f"the clock of {name} jumps back from {latest[k - 1]:.3f} to {t[k]:.3f} s",
             "times that increase: one start of the vehicle in a log; split the log there",
         )
+    for end in (slice(None, None, 1), slice(None, None, -1)):
+        places = np.flatnonzero(~damaged)[end]
+        far = np.flatnonzero(np.abs(np.diff(t[places[: _IN_A_ROW + 1]])) > AHEAD)
+        if len(far) and len(places) > 2 * _IN_A_ROW:
+            damaged[places[: int(far[-1]) + 1]] = True
+    return damaged
+
+
+def _rising(t: Array, backwards: float) -> list[int]:
+    """Return the places of the longest sequence within t (n,) in which times rise."""
+    best: list[list[int]] = []
+    for j, here in enumerate(t.tolist()):
+        before = [b for b in best if t[b[-1]] <= here + backwards]
+        best.append([*max(before, key=len, default=[]), j])
+    return max(best, key=lambda b: (len(b), -t[b[-1]]))  # of two ends, the earlier time
+
+
+def remark_on_times(name: str, t: Array, damaged: NDArray[np.bool_]) -> str:
+    """Return a remark on messages with damaged times: how many, and where the first ones are."""
+    places = np.flatnonzero(damaged)
+    if not len(places):
+        return ""
+    intact = np.flatnonzero(~damaged)
+    shown = []
+    for k in places[:_SHOWN].tolist():
+        i = int(np.searchsorted(intact, k))
+        after = f"after {t[intact[i - 1]]:.3f} s" if i else "at the begin"
+        shown.append(f"{t[k]:.6g} s {after}")
+    more = ", …" if len(places) > _SHOWN else ""
+    count = "1 time" if len(places) == 1 else f"{len(places)} times"
+    return f"{count} of {name} damaged, and left out with the values: {', '.join(shown)}{more}"
 
 
 def check_pauses(path: Path, t: Array) -> None:
     """Refuse rising times (n,) with a clock that jumps ahead, as one that was set meanwhile."""
     pauses = np.diff(t)
-    if len(pauses) and pauses.max() > _AHEAD:
+    if len(pauses) and pauses.max() > AHEAD:
         k = int(np.argmax(pauses))
         raise InputInvalid(
             path,
