@@ -219,11 +219,11 @@ def test_clocks_that_are_wrong_are_named(fault: int, expected: str, tasks: Tasks
     ("old", "new", "expected"),
     [
         (' priority="4"', "", "clock 'slow': no priority"),
-        ('intervalCounter="2"', 'intervalCounter="0"', "clock 'fast': an interval of 0 s"),
-        ('shiftCounter="1"', 'shiftCounter="-1"', "clock 'fast': a shift of -0.05 s"),
-        ('"tunable" priority', '"constant" priority', "clock 'slow': no intervalDecimal"),
-        ('"changing"', '"sometimes"', "clock 'shrink': intervalVariability 'sometimes'"),
-        ('priority="3"', 'priority="low"', "clock 'shrink': priority 'low'"),
+        ('intervalCounter="2"', 'intervalCounter="0"', "variable 'fast': an interval of 0 s"),
+        ('shiftCounter="1"', 'shiftCounter="-1"', "variable 'fast': shiftCounter '-1'"),
+        ('"tunable" priority', '"constant" priority', "variable 'slow': a constant clock without an interval"),
+        ('"changing"', '"sometimes"', "variable 'shrink': intervalVariability 'sometimes'"),
+        ('priority="3"', 'priority="low"', "variable 'shrink': priority 'low'"),
     ],
 )
 def test_a_description_that_is_wrong_is_refused(

@@ -238,9 +238,10 @@ def _with_ticks(root: Element, variables: Mapping[str, Variable]) -> dict[str, V
         if v.type == "Clock" and v.causality in ("input", "output"):
             triggered = clocks[name].get("intervalVariability") == "triggered"
             v = replace(
-                v, type="Boolean", start=False, variability="discrete",
+                v, type="Boolean", start=False, variability="discrete", timing=None,
                 causality="input" if triggered and v.causality == "input" else "output",
             )  # fmt: skip
+        v = replace(v, clocks=())
         found[name] = replace(v, dependencies=()) if v.causality == "output" else v
     return found
 
