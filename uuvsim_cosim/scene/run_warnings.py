@@ -98,8 +98,8 @@ def sonar_warnings(ssd: Path, time: Array, signals: Mapping[str, Array]) -> list
                 if there.any()
             ]
     for name in (n for n in signals if n.endswith(".water_known")):
-        columns = list(blocks(element(signals, name, 0, len(time))))
-        known = np.concatenate([*columns, np.zeros(0)]) > 0.5
+        parts = list(blocks(element(signals, name, 0, len(time))))
+        known = np.concatenate([*parts, np.zeros(0)]) > 0.5
         known[: int(np.argmax(known))] |= known.any()  # before the first ping
         if len(known) and not known.all():
             found.append(

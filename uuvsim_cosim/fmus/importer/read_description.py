@@ -113,8 +113,8 @@ def read_fmu(
         place = f"{shown(path)}: structural parameter {name}"
         variable = variables.get(name)
         if variable is None or variable.causality != "structuralParameter":
-            known = [v.name for v in variables.values() if v.causality == "structuralParameter"]
-            expected = f"one of {', '.join(known) or 'none'}"
+            named = [v.name for v in variables.values() if v.causality == "structuralParameter"]
+            expected = f"one of {', '.join(named) or 'none'}"
             raise ParameterInvalid(place, "there is none of this name", expected)
         read_value = parse_value(variable, value, place) if isinstance(value, str) else value
         given[name] = checked_start(variable, read_value, place)

@@ -369,14 +369,14 @@ def _absorption(
         D, pH = water("absorption_depth", 10.0, "m", "depth"), water("pH", 8.0, "1")
         return m.derived("alpha", absorption(formula, frequency, T, S, D, pH))
     pH = water("pH", 8.0, "1")
-    found = {"depth": depth}
+    waters = {"depth": depth}
     for name, value, unit in (("temperature", 10.0, "degC"), ("salinity", 35.0, "1")):
         m.peers[name] = f"water.{name}"
         words = f"of the water at the instrument, for its absorption by {formula}"
-        found[name] = m.input(name, unit=unit, start=value, description=words)
-    held = {name: clip(x, valid[name].low, valid[name].high) for name, x in found.items()}
-    known = 1.0
-    for name, x in found.items():
+        waters[name] = m.input(name, unit=unit, start=value, description=words)
+    held = {name: clip(x, valid[name].low, valid[name].high) for name, x in waters.items()}
+    known: ca.SX | float = 1.0
+    for name, x in waters.items():
         known = ca.logic_and(known, held[name] == x)
     alpha = absorption(formula, frequency, held["temperature"], held["salinity"], held["depth"], pH)
     words = "of the water in the ping, dB/m one way"

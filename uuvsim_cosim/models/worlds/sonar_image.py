@@ -38,6 +38,7 @@ SONAR_HEAD = 22  # UUV_SONAR_HEAD
 SMALLEST = 2.0**-14  # m, of a scatterer's cell
 # Parts of a cell by which the grid is shifted: a bottom at a round depth is on no border of cells.
 UNEVEN = np.array([0.3819660112501052, 0.2360679774997897, 0.4142135623730951])
+_Complex = complex  # a field of a class below has the same name
 
 
 @dataclass(frozen=True, eq=False)
@@ -157,7 +158,7 @@ class SonarImage:
         angle = (cosine - c) / slope if slope != 0.0 and m > 1 else 0.0 * r
         p = way.at - r0 * way.d + r[:, None] * (way.d + angle[:, None] * way.across)
         tall = 0.5 * (most - near) / m if m > 1 else r0 * g.d_theta
-        h = _cell(p, max(min(r0 * du, tall), SMALLEST))
+        h = _cell(p, max(min(r0 * du, float(tall)), SMALLEST))
         a = np.sqrt(share * power * g.d_theta * du * mean) / r
         per = x[21] / way.c if len(self.paths.level) else 1.0
         shown = way.range + per * (r - r0)
@@ -178,7 +179,7 @@ class SonarImage:
                 if 0 <= at < g.bins and power_ > loud[b, at, 0]:
                     loud[b, at] = power_, label
 
-    def _reflected(self, way: Way, hit: int) -> complex:
+    def _reflected(self, way: Way, hit: int) -> _Complex:
         """Return the squared reflection coefficient of what a way met; 0: there is no bounce."""
         p = self.paths
         c = -way.normal @ way.d
