@@ -221,7 +221,7 @@ def test_clocks_that_are_wrong_are_named(fault: int, expected: str, tasks: Tasks
         (' priority="4"', "", "clock 'slow': no priority"),
         ('intervalCounter="2"', 'intervalCounter="0"', "variable 'fast': an interval of 0 s"),
         ('shiftCounter="1"', 'shiftCounter="-1"', "variable 'fast': shiftCounter '-1'"),
-        ('"tunable" priority', '"constant" priority', "variable 'slow': a constant clock without an interval"),
+        ('"tunable" priority', '"constant" priority', "variable 'slow': a constant clock"),
         ('"changing"', '"sometimes"', "variable 'shrink': intervalVariability 'sometimes'"),
         ('priority="3"', 'priority="low"', "variable 'shrink': priority 'low'"),
     ],
