@@ -21,7 +21,7 @@ COUNTS = ("sent", "received", "confirmed", "lost", "errors", "last_id", "last_at
 @pytest.fixture
 def can(tmp_path: Path) -> Any:
     """Return a system of two nodes and a bus, whose terminals are connected crosswise."""
-    source = FOREIGN / "bus" / "can_fmi3.c"
+    source = FOREIGN / "clocks" / "can_fmi3.c"
     node, bus = (
         str(foreign_fmu("can", tmp_path, source=source, xml=source.with_name(f"can_{role}.xml")))
         for role in ("node", "bus")

@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 import uuvsim_cosim as uuv
-from tests.conftest import Uuvsim, foreign_fmu
+from tests.conftest import FOREIGN, Uuvsim, foreign_fmu
 from uuvsim_cosim.errors import ComponentFailed, FmuError, InputInvalid, SystemInvalid
 from uuvsim_cosim.kernels.kernel import fuse
 from uuvsim_cosim.orchestrator.master.master import Master
@@ -19,6 +19,7 @@ from uuvsim_cosim.orchestrator.plan.flatten import flatten
 from uuvsim_cosim.orchestrator.running.conformance_run import judge
 
 Build = Callable[..., str]
+SOURCE = FOREIGN / "clocks" / "clocks_fmi3.c"
 CONSTANT = 'intervalVariability="constant" intervalDecimal="0.1"'
 
 
@@ -28,7 +29,8 @@ def clockwork(tmp_path_factory: pytest.TempPathFactory) -> Build:
     folder = tmp_path_factory.mktemp("clocks")
 
     def build(k: str = CONSTANT, *, fault: int = 0, edits: Iterable[tuple[str, str]] = ()) -> str:
-        return str(foreign_fmu("clocks", folder, edits=[(CONSTANT, k), *edits], fault=fault))
+        edits = [(CONSTANT, k), *edits]
+        return str(foreign_fmu("clocks", folder, edits=edits, fault=fault, source=SOURCE))
 
     return build
 

@@ -51,7 +51,7 @@ class FmuArchive:
     tolerance: float = 1e-6  # relative, of the integrator of a Model Exchange FMU
     sources: Sources | None = None  # compiled if there is no binary
     structure: Mapping[str, object] = field(default_factory=dict)  # structural parameters, as set
-    output_clocks: Mapping[str, int] = field(default_factory=dict)  # of Scheduled Execution
+    clocks: Mapping[str, Variable] = field(default_factory=dict)  # of Scheduled Execution
     events: bool = False  # an instance uses Event Mode and may return early
     remarks: tuple[str, ...] = ()  # properties that differ from FMI, which each run reports
 
@@ -125,14 +125,11 @@ def read_fmu(
         items = tuple((item, number) for number, item in enumerations[name].items())
         variables[name] = replace(variables[name], items=items)
 
-    output_clocks: dict[str, int] = {}
+    clocks: dict[str, Variable] = {}
     if chosen == "ScheduledExecution":
-        output_clocks = {
-            v.name: v.value_references[0]
-            for v in variables.values()
-            if v.type == "Clock" and v.causality == "output"
-        }
-        variables = _with_ticks(root, variables)
+        clocks = {v.name: v for v in variables.values() if v.type == "Clock"}
+        _check_priorities(source, root)
+        variables = _with_ticks(variables)
 
     def of_experiment(attribute: str) -> float | None:
         experiment = root.find("DefaultExperiment")
@@ -192,7 +189,7 @@ def read_fmu(
         tolerance=of_experiment("tolerance") or 1e-6,
         sources=read_sources(folder, element, identifier, shown(path)),
         structure=given,
-        output_clocks=output_clocks,
+        clocks=clocks,
         remarks=tuple(source.remarks),
     )
 
@@ -226,20 +223,26 @@ def _interfaces_fmi1(root: Element, path: Path) -> dict[Interface, Element]:
     return {"CoSimulation": Element("CoSimulation") if capabilities is None else capabilities}
 
 
-def _with_ticks(root: Element, variables: Mapping[str, Variable]) -> dict[str, Variable]:
+def _check_priorities(source: Source, root: Element) -> None:
+    for clock in root.iterfind("ModelVariables/Clock[@causality='input']"):
+        if clock.get("priority") is None:
+            expected = "a whole number, which Scheduled Execution requires"
+            raise source.fault(f"clock {clock.get('name')!r}", "no priority", expected)
+
+
+def _with_ticks(variables: Mapping[str, Variable]) -> dict[str, Variable]:
     """Return the variables of Scheduled Execution, with clocks as Booleans.
 
     A triggered input clock is an input; the others are outputs, true if they ticked in the last
     step. Outputs change if a partition is active, never by an input alone: they depend on none.
     """
-    clocks = {e.get("name", ""): e for e in root.iterfind("ModelVariables/Clock")}
     found: dict[str, Variable] = {}
     for name, v in variables.items():
-        if v.type == "Clock" and v.causality in ("input", "output"):
-            triggered = clocks[name].get("intervalVariability") == "triggered"
+        if v.timing is not None and v.causality in ("input", "output"):
+            given = v.causality == "input" and not v.timing.is_time_based
             v = replace(
                 v, type="Boolean", start=False, variability="discrete", timing=None,
-                causality="input" if triggered and v.causality == "input" else "output",
+                causality="input" if given else "output",
             )  # fmt: skip
         v = replace(v, clocks=())
         found[name] = replace(v, dependencies=()) if v.causality == "output" else v

@@ -20,12 +20,11 @@ import numpy as np
 
 from uuvsim_cosim.errors import ComponentFailed, FmuError
 from uuvsim_cosim.fmus.component import Binding, BindingKind, Component
-from uuvsim_cosim.fmus.description import Variable
+from uuvsim_cosim.fmus.description import ClockTiming, Variable
 from uuvsim_cosim.fmus.importer.fmu3 import Fmu3
 from uuvsim_cosim.fmus.importer.fmu_binary import FmuState, Phase
 from uuvsim_cosim.fmus.importer.versions import AnyFmu
 from uuvsim_cosim.fmus.model_exchange.component import ModelExchange
-from uuvsim_cosim.fmus.scheduled_execution.clocks import PERIODIC, InputClock, read_clocks
 
 __all__ = ["ScheduledExecution", "component_of"]
 
@@ -34,6 +33,15 @@ _NEAR = Fraction(
     1, 10**9
 )  # of the step: a tick that is this near to its end belongs to the next one
 _NOT_YET_KNOWN, _CHANGED = 0, 2  # fmi3IntervalQualifier
+
+
+@dataclass(frozen=True)
+class _InputClock:
+    """An input clock, which activates one model partition."""
+
+    name: str
+    reference: int
+    timing: ClockTiming
 
 
 @dataclass(frozen=True)
@@ -79,8 +87,15 @@ class ScheduledExecution:
         self.description = fmu.description
         self.messages = fmu.messages
         self._fmu = fmu
-        self._clocks = {c.name: c for c in read_clocks(fmu.archive)}
-        self._outputs = fmu.archive.output_clocks
+        clocks = fmu.archive.clocks.values()
+        inputs = [
+            _InputClock(v.name, v.value_references[0], v.timing)
+            for v in clocks
+            if v.causality == "input" and v.timing is not None
+        ]
+        inputs.sort(key=lambda c: c.timing.priority)  # of one instant, the smallest is first
+        self._clocks = {c.name: c for c in inputs}
+        self._outputs = {v.name: v.value_references[0] for v in clocks if v.causality == "output"}
         self._schedule = _NOTHING
         self._now = Fraction(0)  # [s] of the partition that is active
         self._failure: BaseException | None = None  # of the callback, which cannot raise
@@ -119,14 +134,15 @@ class ScheduledExecution:
         """Leave Initialization Mode, in which the FMU gives the intervals that it knows."""
         self._now = self._schedule.start
         for clock in self._clocks.values():
-            if clock.interval is not None:
-                self._put(clock, clock.interval, self._now + clock.shift)
-            elif clock.variability in PERIODIC:
+            timing = clock.timing
+            if timing.is_periodic and timing.interval is not None:
+                self._put(clock, timing.interval, self._now + timing.shift)
+            elif timing.is_periodic:
                 interval = self._interval(clock)
                 if interval is None:
                     raise self._wrong(f"clock {clock.name} has no interval")
                 self._put(clock, interval, self._now + self._shift(clock))
-            elif clock.variability != "triggered":
+            elif timing.is_time_based:
                 self._count_down(clock)
         self._fmu.exit_initialization_mode()
 
@@ -197,7 +213,7 @@ class ScheduledExecution:
             "clocks whose ticks do not accumulate"
         )
 
-    def _activate(self, clock: InputClock, instant: Fraction) -> None:
+    def _activate(self, clock: _InputClock, instant: Fraction) -> None:
         """Activate the partition of a clock; the next tick of a periodic clock is known before."""
         self._now = instant
         self._fmu.time = float(instant)
@@ -209,7 +225,7 @@ class ScheduledExecution:
             )
         coming = dict(self._schedule.next)
         coming.pop(clock.name, None)
-        if clock.variability in PERIODIC:
+        if clock.timing.is_periodic:
             coming[clock.name] = instant + self._schedule.interval[clock.name]
         self._schedule = replace(
             self._schedule, next=coming, last={**self._schedule.last, clock.name: instant},
@@ -225,7 +241,7 @@ class ScheduledExecution:
                 f"the partition of clock {clock.name} ended with preemption locked {count} times "
                 "more than unlocked; expected equal numbers"
             )
-        if clock.variability == "changing":
+        if clock.timing.variability == "changing":
             self._count_down(clock)
 
     def _clock_update(self) -> None:
@@ -237,14 +253,14 @@ class ScheduledExecution:
             ticked = {name for name, r in self._outputs.items() if self._is_active(r)}
             self._schedule = replace(self._schedule, ticked=self._schedule.ticked | ticked)
             for clock in self._clocks.values():
-                if clock.variability == "countdown":
+                if clock.timing.variability == "countdown":
                     self._count_down(clock)
         except BaseException as error:
             self._failure = self._failure or error
 
     # ---- clocks -------------------------------------------------------------------------------
 
-    def _count_down(self, clock: InputClock) -> None:
+    def _count_down(self, clock: _InputClock) -> None:
         """Ask for the time from now to the next tick; it stays as it is if it has not changed."""
         interval = self._interval(clock)
         if interval is not None:
@@ -254,19 +270,19 @@ class ScheduledExecution:
     def _tune(self) -> None:
         """Ask for the intervals of tunable clocks, which count from now if they have changed."""
         for clock in self._clocks.values():
-            if clock.variability == "tunable" and clock.interval is None:
+            if clock.timing.variability == "tunable" and clock.timing.interval is None:
                 interval = self._interval(clock)
                 if interval is not None and interval != self._schedule.interval[clock.name]:
                     self._put(clock, interval, self._now + interval)
 
-    def _put(self, clock: InputClock, interval: Fraction, first: Fraction) -> None:
+    def _put(self, clock: _InputClock, interval: Fraction, first: Fraction) -> None:
         self._schedule = replace(
             self._schedule,
             next={**self._schedule.next, clock.name: first},
             interval={**self._schedule.interval, clock.name: interval},
         )
 
-    def _interval(self, clock: InputClock) -> Fraction | None:
+    def _interval(self, clock: _InputClock) -> Fraction | None:
         """Ask for an interval [s]; None if it is not known or, of a countdown, has not changed."""
         value, qualifier = ctypes.c_double(), ctypes.c_int(_NOT_YET_KNOWN)
         self._fmu.call(
@@ -275,9 +291,9 @@ class ScheduledExecution:
         )  # fmt: skip
         if qualifier.value == _NOT_YET_KNOWN:
             return None
-        if qualifier.value != _CHANGED and clock.variability == "countdown":
+        if qualifier.value != _CHANGED and clock.timing.variability == "countdown":
             return None
-        positive = clock.variability in PERIODIC
+        positive = clock.timing.is_periodic
         if not math.isfinite(value.value) or value.value < 0 or (positive and value.value == 0):
             raise self._wrong(
                 f"clock {clock.name} has an interval of {value.value:g} s; expected "
@@ -285,7 +301,7 @@ class ScheduledExecution:
             )
         return _exactly(value.value)
 
-    def _shift(self, clock: InputClock) -> Fraction:
+    def _shift(self, clock: _InputClock) -> Fraction:
         value = ctypes.c_double()
         reference = ctypes.byref(ctypes.c_uint32(clock.reference))
         self._fmu.call("GetShiftDecimal", reference, 1, ctypes.byref(value))
