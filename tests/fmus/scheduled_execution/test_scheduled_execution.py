@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 
 import uuvsim_cosim as uuv
+from tests.conftest import foreign_fmu
 from uuvsim_cosim.errors import ComponentFailed, FmuError, SystemInvalid, UuvsimError
 from uuvsim_cosim.fmus.component import Component
 from uuvsim_cosim.fmus.importer.read_description import read_fmu
@@ -28,30 +29,11 @@ Tasks = Callable[..., Path]
 @pytest.fixture(scope="session")
 def tasks(tmp_path_factory: pytest.TempPathFactory) -> Tasks:
     """Build the tasks: with a fault, and with an edited description."""
-    import fmpy
-
-    from tests.conftest import write_archive
-    from uuvsim_cosim.cache import content_hash
-    from uuvsim_cosim.fmus.codegen.toolchain import compile_shared, host
-
     folder = tmp_path_factory.mktemp("tasks")
 
-    def build(fault: int = 0, edit: tuple[str, str] = ("", "")) -> Path:
-        library = compile_shared(
-            [HERE / "tasks_fmi3.c"],
-            name="tasks",
-            include=[Path(fmpy.__file__).parent / "c-code"],
-            flags=[f"-DFAULT={fault}"],
-        )
-        text = (HERE / "tasks_fmi3.xml").read_text()
-        assert edit[0] in text
-        text = text.replace(*edit) if edit[0] else text
-        members = {
-            "modelDescription.xml": text.encode(),
-            f"binaries/{host().fmi3}/tasks{host().suffix}": library.read_bytes(),
-        }
-        path = folder / f"tasks_{content_hash([text, str(fault)])[:8]}.fmu"
-        return path if path.exists() else write_archive(path, members)
+    def build(fault: int = 0, edit: tuple[str, str] | None = None) -> Path:
+        edits = [edit] if edit else []
+        return foreign_fmu("tasks", folder, edits=edits, fault=fault, source=HERE / "tasks_fmi3.c")
 
     return build
 

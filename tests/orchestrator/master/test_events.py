@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 
 import uuvsim_cosim as uuv
+from tests.conftest import foreign_fmu
 from uuvsim_cosim.errors import ComponentFailed, InputInvalid, SystemInvalid
 from uuvsim_cosim.kernels.kernel import fuse
 from uuvsim_cosim.orchestrator.master.faults import Fault
@@ -21,7 +22,6 @@ from uuvsim_cosim.orchestrator.master.prepared import prepare
 from uuvsim_cosim.orchestrator.plan.flatten import flatten
 from uuvsim_cosim.orchestrator.running.library import load
 
-FOREIGN = Path(__file__).parents[2] / "fmus" / "foreign"
 G = 9.81
 A = {"h": 1.0, "e": 0.8}
 B = {"h": 3.0, "e": 0.8, "kick": 1.0}
@@ -29,32 +29,13 @@ Bounce = Callable[..., Path]
 
 
 @pytest.fixture(scope="session")
-def bounce(source_fmu: Any, tmp_path_factory: pytest.TempPathFactory) -> Bounce:
+def bounce(tmp_path_factory: pytest.TempPathFactory) -> Bounce:
     """Build the bouncing ball: with a fault, and with an edited description."""
-    import fmpy
-
-    from tests.conftest import write_archive
-    from uuvsim_cosim.cache import content_hash
-    from uuvsim_cosim.fmus.codegen.toolchain import compile_shared, host
-
     folder = tmp_path_factory.mktemp("bounce")
 
-    def build(fault: int = 0, edit: tuple[str, str] = ("", "")) -> Path:
-        library = compile_shared(
-            [FOREIGN / "bounce_fmi3.c"],
-            name="bounce",
-            include=[Path(fmpy.__file__).parent / "c-code"],
-            flags=[f"-DFAULT={fault}"],
-        )
-        text = (FOREIGN / "bounce_fmi3.xml").read_text()
-        assert edit[0] in text
-        text = text.replace(*edit) if edit[0] else text
-        members = {
-            "modelDescription.xml": text.encode(),
-            f"binaries/{host().fmi3}/bounce{host().suffix}": library.read_bytes(),
-        }
-        path = folder / f"bounce_{content_hash([text, str(fault)])[:8]}.fmu"
-        return path if path.exists() else write_archive(path, members)
+    def build(fault: int = 0, edit: tuple[str, str] | None = None) -> Path:
+        edits = [edit] if edit else []
+        return foreign_fmu("bounce", folder, edits=edits, fault=fault)
 
     return build
 
