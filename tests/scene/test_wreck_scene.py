@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -10,13 +11,16 @@ import pytest
 import uuvsim_cosim as uuv
 from tests.scene.wreck_scene import CENTRE, wreck_scene
 from uuvsim_cosim.content import content
+from uuvsim_cosim.models.shapes.mesh import raw_triangles
 from uuvsim_cosim.models.worlds.scene import load_scene
+
+SCENES = sorted(content("models", "scenes").glob("*/scene.yaml"))
 
 
 def test_the_scene_is_what_its_script_writes(tmp_path: Path) -> None:
     wreck_scene(tmp_path)
     shipped = content("models", "scenes", "tacoma_wreck")
-    assert (tmp_path / "wreck.obj").read_bytes() == (shipped / "wreck.obj").read_bytes()
+    assert (tmp_path / "wreck.stl").read_bytes() == (shipped / "wreck.stl").read_bytes()
     written, kept = ((f / "scene.yaml").read_text().splitlines()[1:] for f in (tmp_path, shipped))
     assert written == kept
     for layer in ("z", "sigma", "material"):
@@ -32,6 +36,15 @@ def test_the_wreck_lies_where_the_chart_has_it() -> None:
     (mesh,) = scene.meshes
     assert mesh.position == (*CENTRE, pytest.approx(bed))
     assert "made up" in scene.source
+
+
+@pytest.mark.parametrize("name", [f.parent.name for f in SCENES])
+def test_meshes_of_shipped_scenes_are_read_without_another_package(
+    name: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(sys.modules, "trimesh", None)
+    for mesh in load_scene(name).meshes:
+        assert len(raw_triangles(mesh.file)) > 0
 
 
 @pytest.mark.slow

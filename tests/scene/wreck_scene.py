@@ -68,21 +68,19 @@ def box(centre: tuple[float, float, float], half: tuple[float, float, float]) ->
     ]
 
 
-def wreck_obj() -> str:
-    """Return the mesh as a Wavefront OBJ [m]; the axes are those of the vehicle: x, y, z down."""
+def wreck_stl() -> str:
+    """Return the mesh as an ASCII STL [m], which no package is needed to read; z is down."""
     triangles = hull()
     triangles += box((-8.5, 0.0, -DEPTH - 1.5), (3.0, 2.2, 1.5))  # deckhouse
     triangles += box((-10.0, 0.0, -DEPTH - 4.0), (0.7, 0.7, 1.2))  # funnel
     triangles += box((5.0, 0.0, -DEPTH - 3.0), (0.15, 0.15, 3.0))  # mast
-    numbers: dict[tuple[float, ...], int] = {}
-    faces = []
+    lines = [f"solid {MADE}: a coaster of {LENGTH:g} m; x ahead, y to starboard, z down [m]; CC0"]
     for triangle in triangles:
-        corners = [tuple(round(float(v), 3) + 0.0 for v in corner) for corner in triangle]
-        faces.append([numbers.setdefault(c, len(numbers) + 1) for c in corners])
-    lines = [f"# {MADE}: a coaster of {LENGTH:g} m; x ahead, y to starboard, z down [m]; CC0"]
-    lines += ["v " + " ".join(f"{v:g}" for v in corner) for corner in numbers]
-    lines += ["f " + " ".join(map(str, face)) for face in faces]
-    return "\n".join(lines) + "\n"
+        lines += ["facet normal 0 0 0", "outer loop"]
+        for corner in triangle:
+            lines.append("vertex " + " ".join(f"{round(float(v), 3) + 0.0:g}" for v in corner))
+        lines += ["endloop", "endfacet"]
+    return "\n".join([*lines, "endsolid"]) + "\n"
 
 
 def wreck_scene(folder: Path) -> None:
@@ -105,8 +103,8 @@ def wreck_scene(folder: Path) -> None:
         ),
     )
     folder.mkdir(parents=True, exist_ok=True)
-    file = folder / "wreck.obj"
-    file.write_text(wreck_obj(), encoding="utf-8")
+    file = folder / "wreck.stl"
+    file.write_text(wreck_stl(), encoding="utf-8")
     mesh = placed_mesh(
         file, (*CENTRE, BED), (0.45, 0.05, 65.0 * pi / 180.0), unit="m", axes="NED",
         material="steel", contact=False,
